@@ -94,8 +94,8 @@ def report_run(
         as_json: print one JSON document instead.
         residual: residual that tables and charts use, "judged" or "local".
         record: whether to record the iterations.
-        baseline: baseline of speed-ups; the one that solves most problems if empty.
-        page: whether to write the page, if the run has one.
+        baseline: baseline of speed-ups; if empty, the solver that solves the most problems.
+        page: whether to write the page; a study has none.
         profiles: problems that profiles cover, "common" to all solvers or "all".
 
     Raises:
@@ -191,7 +191,7 @@ def _report_damage(run: "Run") -> None:
 
 
 def _report_unfinished(frames: "RunFrames") -> None:
-    """Print which cases are missing, for output without tables."""
+    """Print which cases are missing or measured in part, for output without tables."""
     from ..store.condition import unfinished
 
     for sentence in unfinished(frames):

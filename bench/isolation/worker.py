@@ -117,7 +117,7 @@ class Worker:
         self.case_seconds, self.busy_seconds, self.peak_memory_bytes = case_seconds, 0.0, 0
         self._memory_bytes = memory_bytes
         self._is_stopped = False
-        self._output_before = 0  # bytes of output before the present request
+        self._output_before = 0  # bytes of output before the current request
         try:
             self._output, self._folder = _output_file(), Path(tempfile.gettempdir(), f"proxbench-{uuid4()}")
         except OSError as error:
@@ -219,7 +219,7 @@ class Worker:
         return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
 
     def _exit_fault(self) -> Fault:
-        """Return the fault of a case that exited or was killed by another program."""
+        """Return the fault of a case that exited, was killed, or closed its connection."""
         status, has_filled_memory = self._supervisor.wait_for_end(END_SECONDS)
         if status is None and not self._supervisor.is_gone:
             return Fault(Outcome.CRASHED, "its process closed its connection to the run")

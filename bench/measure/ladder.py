@@ -44,7 +44,7 @@ class CasePass:
 
     Attributes:
         session: number of the session of the run.
-        number: number of the pass in the session; points with more passes are skipped.
+        number: number of the pass in the session; points that already have more passes are skipped.
     """
 
     session: int = 0
@@ -98,7 +98,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     @abstractmethod
     def needs_round(self, answers: Sequence[Answer]) -> bool:
-        """Return whether the level needs another round after those with these answers, at least one."""
+        """Return whether the level needs another round after the rounds with these answers (at least one)."""
 
     @abstractmethod
     def point(self, value: float, answers: list[Answer]) -> Point:
@@ -114,7 +114,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     @property
     def threads(self) -> int:
-        """Number of threads that the subject of the case uses."""
+        """Number of threads that the solver of the case may use."""
         return 1
 
     def pin_to_core(self, core: MeasuringCore) -> None:

@@ -18,7 +18,7 @@ SUFFIX = ".rrd"
 
 
 class RecordingFile:
-    """A recording that is being written; it is removed if the ``with`` block fails or does not call ``begin``.
+    """A recording that is being written; it is discarded if the ``with`` block fails or does not call ``begin``.
 
     Args:
         path: path of the recording; its folder is created if necessary.
@@ -99,8 +99,8 @@ def write_curve(
 def check_recording_path(path: Path, force: bool) -> None:
     """Raise ``BenchError`` if a recording cannot be written to ``path``.
 
-    The path must end in ``.rrd``. An existing file needs ``force``, and the path must not be a link that leaves its
-    folder.
+    The path must end in ``.rrd``. An existing file needs ``force``, and the path must not be a link that points
+    outside its folder.
     """
     check_links_inside(path, path.parent)
     if path.suffix != SUFFIX:

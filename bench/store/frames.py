@@ -184,7 +184,7 @@ def _identified(cases: Sequence[CaseRecord]) -> list[tuple[CaseRecord, Point]]:
 
 
 class _Column(NamedTuple):
-    """One column: its name, the path to its values in a record, their type, and the number that None means."""
+    """One column: its name, the path to its values in a record, their type, and the number that None stands for."""
 
     name: str
     path: tuple[str, ...]
@@ -234,7 +234,7 @@ def _columns(kind: type[Struct], path: tuple[str, ...] = ()) -> Iterator[_Column
 
 
 def _plain(hint: Any) -> tuple[Any, float]:
-    """Return the type of a field without constraints and None, and the number that None means."""
+    """Return the type of a field without constraints and None, and the number that None stands for."""
     missing = np.nan
     while get_origin(hint) is not None:
         if get_origin(hint) is Annotated:

@@ -1,8 +1,8 @@
-"""Spheres and blocks that touch the ground in one point each: sticking, sliding and rolling in closed form.
+"""Spheres and blocks that touch the ground at one point each: sticking, sliding and rolling in closed form.
 
 G of a sphere's contact is diag(1, 7/2, 7/2)/m and that of a block without rotation diag(1, 1, 1)/m, so that the normal
 impulse Λ_N = m max(−c_N, 0) is independent of friction. It bounds the tangential impulse: Λ_T = −m_T c_T, shortened to
-the length μ Λ_N, where 1/m_T is the tangential diagonal entry of G.
+the length μ Λ_N if it is longer, where 1/m_T is the tangential diagonal entry of G.
 
 With rolling friction, Λ_N bounds both impulses of a sphere that moves in one direction, |Λ_T| ≤ μ Λ_N and
 |Λ_R| ≤ μ_r Λ_N. On a slope the sphere stays at rest if tan θ ≤ μ_r/r. If it rolls, its velocity grows by
@@ -24,7 +24,7 @@ RADIUS = 0.1
 
 
 def separate_contacts(c: FloatArray, friction: FloatArray, compliance: float = 3.5) -> ContactProblem:
-    """Return bodies of 1 kg on the ground, one spatial contact each, with free velocities ``c``, shape (n, 3).
+    """Return bodies of 1 kg on the ground, each with one spatial contact.
 
     Args:
         c: free velocity of each contact [m/s], shape (n, 3).
@@ -45,8 +45,8 @@ def separate_contacts(c: FloatArray, friction: FloatArray, compliance: float = 3
 def incline(friction: float, excess: float, compliance: float = 1.0) -> ContactProblem:
     """Return a block (or a sphere, compliance 3.5) at rest on an incline ``excess`` [rad] above the critical angle.
 
-    The critical angle is tan θ = μ · compliance. Below it a block stays and a sphere rolls; above it both slide, with
-    the acceleration g (sin θ − μ cos θ) for a block.
+    The critical angle θ satisfies tan θ = μ · compliance. Below it, a block stays and a sphere rolls. Above it, both
+    slide, a block with the acceleration g (sin θ − μ cos θ).
     """
     return _on_inclines(np.array([friction]), np.array([excess]), compliance)
 
@@ -71,7 +71,7 @@ def scattered(n: int) -> ContactProblem:
 
 
 def inclines(n: int, compliance: float = 1.0) -> ContactProblem:
-    """Return ``n`` blocks (or spheres) at rest on separate inclines, with friction from 0.05 to 10.
+    """Return ``n`` blocks (or spheres, compliance 3.5) at rest on separate inclines, with friction from 0.05 to 10.
 
     The inclines are 1e-9 rad below, at and above their critical angle in turn; see ``incline``.
     """
@@ -89,8 +89,8 @@ def resisting_spheres(
 ) -> ContactProblem:
     """Return spheres of 1 kg on the ground, each sliding and rolling in one direction with both kinds of friction.
 
-    Rows are N, T1, T2, then the angular velocities about T1 and T2, and about N for three ``axes``. One axis is T2, and
-    the heading must then be 0. q = (v, ω) of each sphere.
+    Rows are N, T1, T2, then the angular velocities about T1 and T2, and about N for three ``axes``. A single axis is
+    T2, and the heading must then be 0. The degrees of freedom of a sphere are (v, ω).
 
     Args:
         motion: free velocity into the ground and along the heading [m/s], and free angular velocity of rolling along it
@@ -126,7 +126,7 @@ def resisting_spheres(
 
 
 def resisting_sphere(excess: float, friction: float = 0.5, share: float = 0.2, axes: int = 2) -> ContactProblem:
-    """Return a sphere at rest on a slope ``excess`` [rad] above the critical angle tan θ = μ_r/r = ``share``."""
+    """Return a sphere at rest on a slope ``excess`` [rad] above the critical angle θ, tan θ = μ_r/r = ``share``."""
     slope = np.arctan(share) + excess
     motion = WEIGHT * np.array([[np.cos(slope), np.sin(slope), 0.0]])
     return resisting_spheres(motion, np.array([friction]), np.array([share * RADIUS]), np.zeros(1), axes)

@@ -18,7 +18,7 @@ STARTS = (0.1, 1.0, 10.0, 100.0)
 """Values of τ at which the first point of the path is sought, in this order."""
 
 WARM_SHARE, MIN_WARM_TAU = 0.1, 1e-6
-"""From a given Λ, the first search is at τ = share × its residual, or at the minimum if that is larger."""
+"""From a given Λ, the first search is at τ = share × its residual, at most the share and at least the minimum."""
 
 CLOSE, LOOSE = 0.1, 1.0
 """Largest R_p relative to τ after a correction, and at the end of a series."""
@@ -42,7 +42,7 @@ MAX_SHORTENINGS, SHORTENING = 20, 0.6
 """Largest number of ranges of a series that are tried, and the factor from one to the next."""
 
 MAX_RETRIES, RETRY_SHARE = 6, 0.3
-"""Largest number of ends of a series that are corrected, and the factor of its length after each failure."""
+"""Largest number of end points of a series that are corrected, and the factor of its length after each failure."""
 
 MIN_TAU_RATIO = 1e-3
 """Smallest ratio of τ at the end of a series to τ at its beginning."""
@@ -52,7 +52,7 @@ MIN_TAU, MAX_TAU = 1e-20, 1e4
 
 
 class Point:
-    """A point of the manifold r∘û = τ e, and its distance from the path."""
+    """A point of the manifold r∘û = τ e, and its distance from the path, the largest entry of R_p."""
 
     def __init__(self, scaled: ScaledProblem, system: NewtonSystem, v: FloatArray, tau: float) -> None:
         self.v, self.tau = v, tau
@@ -67,7 +67,7 @@ class Point:
         self._rounding = ROUNDING * max(1.0, largest)
 
     def is_within(self, share: float) -> bool:
-        """Whether R_p is at most ``share`` times τ, up to rounding."""
+        """Return whether R_p is at most ``share`` times τ, up to rounding."""
         return self.is_finite and self.distance <= share * self.tau + self._rounding
 
 
@@ -87,7 +87,7 @@ class FollowedPath:
         self._tangent: Direction | None = None
 
     def resume(self, progress: Progress) -> None:
-        """Follow the path until ``progress`` has an outcome, from the last point or, if there is none, a first one."""
+        """Follow the path from the last point, or find a first one, until ``progress`` has an outcome."""
         self._progress = progress
         if self._tangent is None:
             self.find(progress.best)
@@ -184,10 +184,10 @@ class FollowedPath:
         inner = local_product(
             scaled.kind, scaled.friction, self._p, self._q, point.r, point.u, x.r, x.u, x.s, y.r, y.u, y.s
         )
-        return float(inner) + float(x.tau) * float(y.tau)  # scalars of numpy would warn if the path overflows
+        return float(inner) + float(x.tau) * float(y.tau)  # NumPy scalars would warn if the path overflows
 
     def _oriented_tangent(self, point: Point) -> Direction:
-        """Return the forward unit tangent: τ decreases where det (Ĝ + D) > 0, as at the start, else it increases."""
+        """Return the forward unit tangent: τ decreases if det (Ĝ + D) > 0, as at the start; otherwise it increases."""
         along = self._solve(self._towards_tau(), np.zeros_like(point.s))
         tangent = Direction(along.r, along.u, along.s, 1.0)
         length = np.sqrt(max(self._product(tangent, tangent), 1e-300))
@@ -215,7 +215,7 @@ class FollowedPath:
         return float(min(longest, (ACCURACY / size) ** (1.0 / (self._order - 1)))) if size > 0.0 else longest
 
     def _end_of(self, series: Series, point: Point, reach: float) -> tuple[Point, float] | None:
-        """Return an end of a series within ``reach`` that is close to the path, and its length, or None."""
+        """Return an end point of a series, within ``reach`` and close to the path, and the length to it; else None."""
         for _ in range(MAX_SHORTENINGS):
             if not series.tau_at(reach) > MIN_TAU_RATIO:
                 reach = _last_above(series, MIN_TAU_RATIO, reach)

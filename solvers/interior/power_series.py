@@ -1,4 +1,4 @@
-"""Power series of the central path, from one factorisation and one solution of the linear system per order.
+"""Power series of the central path, from one factorisation and, for each order, one solution of a linear system.
 
 Along the path every equation is at most quadratic in the unknowns (see ``cones``),
 
@@ -62,7 +62,7 @@ def write_lower_orders(kind, friction, r, u, s, order, heads, lifts):  # type: i
     """Write the sums over lower orders in the equations of order k, for each of m cones of w lanes.
 
     ``heads`` receives −Σ p_j∘q_{k−j} and, in its last column, −Σ r_j û_{k−j} of normal laws, shape (m, w + 1).
-    ``lifts`` receives the sum in s_k over 2s₀, shape (m,).
+    ``lifts`` receives the sum in s_k divided by 2s₀, shape (m,).
     """
     width = r.shape[2]
     for i in range(len(kind)):
@@ -89,7 +89,7 @@ def write_lower_orders(kind, friction, r, u, s, order, heads, lifts):  # type: i
 
 @njit(cache=True, error_model="numpy")
 def write_right_side(kind, p, r, u, heads, lifts, shifts, right):  # type: ignore[no-untyped-def]
-    """Write L(p)⁻¹ times ``heads``, and from it and ``lifts`` the right-hand side over lanes."""
+    """Write ``shifts``, L(p)⁻¹ times ``heads``, and from it and ``lifts`` the right-hand side over lanes."""
     width = r.shape[1]
     for i in range(len(kind)):
         shifts[i] = 0.0

@@ -4,8 +4,9 @@ Nesterov's method minimises ½ΛᵀGΛ + cᵀΛ over the product K of friction c
 
     Λ_{k+1} = P_K(y_k − t (G y_k + c)),      y_{k+1} = Λ_{k+1} + β_k (Λ_{k+1} − Λ_k).
 
-The step t is halved while the function lies above its quadratic upper bound, and grows by a tenth after each iteration.
-The method restarts with β = 0 if the gradient and the last step form an acute angle (O'Donoghue & Candès 2015).
+The step t is halved while the quadratic upper bound of the function is violated, and grows by a tenth after each
+iteration. The method restarts with β = 0 if the gradient and the last step form an acute angle (O'Donoghue & Candès
+2015).
 """
 
 from collections.abc import Iterator
@@ -45,7 +46,7 @@ class APGD(Method):
         return unsupported_laws(problem) or convex_obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
-        """Assemble G and estimate its largest eigenvalue."""
+        """Assemble G in scaled variables and estimate its largest eigenvalue."""
         self.check_supports(problem)
         cone = ConeProblem.of(problem)
         step = 1.0 / cone.largest_eigenvalue()

@@ -1,4 +1,4 @@
-"""A cache of kernels into which several processes compile at the same time."""
+"""A kernel cache that several processes fill at the same time."""
 
 import fcntl
 import hashlib
@@ -15,7 +15,7 @@ MAX_WAIT = 60.0
 """Longest time to wait until another process has compiled a kernel [s]; a kernel takes at most 20 s."""
 
 POLL_SECONDS = 0.01
-"""Interval at which a waiting process looks for the kernel [s]."""
+"""Interval at which a waiting process tries to lock the file again [s]."""
 
 
 def share_cache(folder: Path) -> Callable[[], None]:
@@ -30,7 +30,7 @@ def share_cache(folder: Path) -> Callable[[], None]:
         folder: an existing folder for the locked files.
 
     Returns:
-        A function that gives up the locks of kernels whose compilation has failed.
+        A function that releases the locks of kernels whose compilation has failed.
     """
     claims: dict[Path, int] = {}
     caches: Any = FunctionCache

@@ -30,7 +30,7 @@ def document(comparison: Comparison, failures: list[str]) -> dict[str, Any]:
 
 
 def print_comparison(comparison: Comparison, failures: list[str], console: Console) -> None:
-    """Print the differences, the verdict last."""
+    """Print the differences, then the verdict and the failures."""
     for note in comparison.notes:
         console.print(Text(note, style="yellow"))
     for title, table in _tables(comparison):
@@ -58,7 +58,7 @@ def markdown_page(comparison: Comparison, failures: list[str]) -> str:
 
 
 def _tables(comparison: Comparison) -> list[tuple[str, pd.DataFrame]]:
-    """Return the non-empty tables with their titles: solvers, single cases that differ, and solved problems."""
+    """Return titles and non-empty tables: solvers, single cases that differ, accuracies that only one run reaches."""
     bounds = 1.0 / (1.0 + comparison.slowdown), 1.0 + comparison.slowdown
     cases = comparison.cases
     single = cases[(cases["high"] < bounds[0]) | (cases["low"] > bounds[1])]

@@ -19,14 +19,14 @@ from ..blocks import BlockLayout
 from .user_matrices import compressed_columns
 
 CHUNK_LENGTHS = (1, 2, 3, 6)
-"""Candidate chunk lengths: degrees of freedom of discs and balls, without and with rotation."""
+"""Candidate chunk lengths; 2 and 3 suit discs, and 3 and 6 suit balls, without and with rotation."""
 
 SAMPLED_ROWS = 300
 """Number of rows that are examined to choose the chunk length."""
 
 
 class BallRecords(NamedTuple):
-    """Contacts with friction between balls in space, or of a ball and a surface, each by its balls and its normal.
+    """Contacts with friction in space, of two balls or of a ball and a surface, each given by its balls and its normal.
 
     Attributes:
         chunks: first and second ball of each contact, ``len(radii)`` for a surface, shape (2 · n_contacts,).
@@ -194,12 +194,12 @@ class DeferredPieces(Pieces):
 
     @property
     def width(self) -> int:
-        """Lanes of a block."""
+        """Number of lanes per block."""
         return self._shape[0]
 
     @property
     def length(self) -> int:
-        """Degrees of freedom of a chunk."""
+        """Number of degrees of freedom per chunk."""
         return self._shape[1]
 
     @property
@@ -229,8 +229,8 @@ class _ScaledPieces(DeferredPieces):
 def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockLayout) -> Pieces:
     """Return the pieces of a matrix with one column per row of a problem, with its rows scaled by ``root``.
 
-    The chunk length minimises the count of numbers to read plus four per piece. The first rows determine it, because
-    the contacts of a problem are similar.
+    The chunk length minimises the number of values to read plus four per piece. It is determined from the first rows,
+    because the contacts of a problem are similar.
     """
     pattern = (columns.indptr, columns.indices, layout.slot, layout.n_blocks, layout.width)
     starts, chunks, values, n_chunks = cut_columns(*pattern, columns.data, root)
@@ -274,7 +274,8 @@ def _write_square_sums(starts, values, sums):  # type: ignore[no-untyped-def]
             for lane in range(values.shape[1]):
                 for k in range(values.shape[2]):
                     entry = values[p, lane, k]
-                    sums[i, lane] += entry * entry  # not entry**2, whose rounding depends on other kernels
+                    # entry**2 would be rounded with the options of the first kernel that computes a power
+                    sums[i, lane] += entry * entry
 
 
 @njit(cache=True)
@@ -365,7 +366,7 @@ def cut_columns(indptr, indices, slot, n_blocks, width, data, root):  # type: ig
 @interpretable
 @njit(cache=True)
 def _to_columns(starts, chunks, values):  # type: ignore[no-untyped-def]
-    """Return the entries of all columns other than 0, their rows, which ascend in each, and where columns start.
+    """Return the nonzero entries of all columns, their rows, ascending in each column, and the start of each column.
 
     Entries of a column that lie in the same row are added.
     """

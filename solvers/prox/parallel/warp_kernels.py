@@ -1,8 +1,9 @@
 # mypy: ignore-errors
-"""Kernels of Warp for sweeps over the factors, for contacts of at most two bodies; one thread per contact or body.
+"""Warp kernels for sweeps over the factors, for contacts of at most two bodies, with one thread per contact or body.
 
-They perform the operations of the kernels of ``sweeps.factors`` in double precision, with v = W̃ Λ. One thread writes
-each number, and adds the changes of a body's contacts in their order, so results on a device are bitwise reproducible.
+They perform the operations of the kernels of ``sweeps.factors`` in double precision, with v = W̃ Λ. Each number is
+written by one thread, which adds the changes of a body's contacts in a fixed order. Results on a device are therefore
+bitwise reproducible.
 """
 
 import warp as wp
@@ -21,7 +22,7 @@ class Contacts:
 
     Attributes:
         length: degrees of freedom of a body.
-        idle: index of the idle body, which takes the place of a missing one and follows all others.
+        idle: index of the idle body, which follows all others and replaces a missing body.
         bodies: two bodies of each contact.
         pieces: W̃ of each contact, six rows of ``length`` (N, T1 and T2 of the first body, then of the second).
         free: c, three entries for each contact.
@@ -62,7 +63,7 @@ def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.v
 
 @wp.func
 def changed_impulse(contacts: Contacts, i: wp.int32, xi: wp.vec3d, impulses: Numbers) -> wp.vec3d:
-    """Move Λ of a contact along -r ξ and project; return its change."""
+    """Move Λ of a contact along −r ξ and project it; return its change."""
     old_n = impulses[3 * i]
     old_t = impulses[3 * i + 1]
     old_s = impulses[3 * i + 2]
