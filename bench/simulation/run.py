@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
+from threadpoolctl import threadpool_limits
+
 from ...problems.contact.matrices.memory import require_memory
 from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
@@ -137,6 +139,9 @@ def resumable_simulation(
 def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     """Take the remaining steps, and write the result file at intervals and at the end.
 
+    Numerical libraries use one thread meanwhile, as in measured cases. The rounding of long sums would depend on the
+    number of threads, and threads of OpenBLAS use their cores for a tenth of a second after each sum.
+
     Raises:
         InsufficientMemoryError: if the available memory does not suffice for a step and the states to keep.
         FailedSimulationError: if a step fails; ``failure`` of the simulation holds the reason.
@@ -152,6 +157,7 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     _store(simulation)  # detects immediately that the file cannot be written
     written = clock()
     steps = _steps(simulation, hooks.get("watch_steps", without_compilation))
+    limits = threadpool_limits(1)
     try:
         while not simulation.is_finished and not (should_stop and should_stop()):
             taken = _next_step(simulation, steps)
@@ -165,6 +171,7 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
             if on_progress:
                 on_progress(simulation)
     finally:
+        limits.restore_original_limits()
         _store(simulation)
 
 

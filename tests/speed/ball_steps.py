@@ -3,10 +3,13 @@
 ``python tests/speed/ball_steps.py --balls 1000 --times 0.3 0.45`` pours balls into a funnel. For the state at each time
 it prints the least and the median processor time of a step, and the mean number of sweeps. The solvers take turns; each
 sample is ten successive steps of 1 ms from the same state.
+
+``--threads 1 2`` adds sweeps over slabs in one and in two threads, and prints wall times instead of processor times.
 """
 
 import argparse
 import time
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from pours import steps_at
@@ -31,17 +34,22 @@ SOLVERS = (
 STEPS, SAMPLES = 10, 40
 
 
-def measure(balls: int, state: State) -> None:
+def over_slabs(threads: Sequence[int]) -> list[tuple[str, float]]:
+    """Return a solver and a tolerance for each number of threads."""
+    return [(f"ColouredSORprox(relaxation=1.1, momentum=0.65, threads={n})", 1e-2) for n in threads]
+
+
+def measure(balls: int, state: State, solvers: Sequence[tuple[str, float]], clock: Callable[[], float]) -> None:
     """Print a row of Markdown for each solver."""
     system = make_scene(f"funnel(balls={balls})").system
-    rules = {key: MidpointRule(system, create(key[0]), Stop(key[1]), STEP, depth=DEPTH) for key in SOLVERS}
-    samples: dict[tuple[str, float], list[float]] = {key: [] for key in SOLVERS}
+    rules = {key: MidpointRule(system, create(key[0]), Stop(key[1]), STEP, depth=DEPTH) for key in solvers}
+    samples: dict[tuple[str, float], list[float]] = {key: [] for key in solvers}
     sweeps = {}
     for _ in range(SAMPLES + 1):
         for key, rule in rules.items():
-            began = time.process_time()
+            began = clock()
             steps = list(rule.steps(state, STEPS))
-            samples[key].append(1e3 * (time.process_time() - began) / STEPS)
+            samples[key].append(1e3 * (clock() - began) / STEPS)
             sweeps[key] = np.mean([step.iterations for step in steps])
     for (solver, tolerance), taken in samples.items():
         kept = taken[1:]  # the first sample compiles
@@ -54,13 +62,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--balls", type=int, default=1000)
     parser.add_argument("--times", type=float, nargs="+", default=[0.3, 0.45])
+    parser.add_argument("--threads", type=int, nargs="+", default=[])
     given = parser.parse_args()
+    clock = time.perf_counter if given.threads else time.process_time
     print("| balls | t [s] | solver | residual | sweeps | least [ms] | median [ms] |")
     print("| ---: | ---: | --- | --- | ---: | ---: | ---: |")
     scene = make_scene(f"funnel(balls={given.balls})")
     rule = MidpointRule(scene.system, create(POURING), Stop(1e-2), STEP, depth=DEPTH)
     for _, step in list(steps_at(rule, scene.start, given.times)):
-        measure(given.balls, step.state)
+        measure(given.balls, step.state, [*SOLVERS, *over_slabs(given.threads)], clock)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 ``python tests/speed/large_steps.py 1000 16000 64000`` takes a heap of each size: a lattice of balls that barely
 overlap, jittered and moving at random, on a plane. Balls are numbered in the order of the lattice, and for comparison
-in a random order. Sweeps read records of 64-bit numbers, and for comparison of 32-bit numbers. Times are processor
+in a random order, also for sweeps over slabs. Sweeps read records of 64-bit numbers, and for comparison of 32-bit
+numbers. Times are processor
 times; sizes take turns, and the least of all rounds counts, because the work of a round does not vary. The time of a
 step is the mean of the first two, and the column of sweeps shows both. The first one begins from zero.
 """
@@ -32,6 +33,7 @@ STEP, TOLERANCE, DEPTH = 1e-3, 1e-2, 1e-4
 
 MOMENTUM = 0.65
 SOLVER = f"SORprox(relaxation=1.1, form='factors', momentum={MOMENTUM})"
+SLAB_SOLVER = f"ColouredSORprox(relaxation=1.1, momentum={MOMENTUM})"
 
 STEPS, SWEEPS, ROUNDS = 2, 10, 8
 """Successive steps and sweeps of one sample, and samples of each size."""
@@ -76,6 +78,8 @@ class Sweeps:
         prepared: Any = create(SOLVER).prepare(problem)
         self.iterates = prepared.begin(np.zeros(problem.n_rows))
         self.data = self.iterates._sweep
+        slabs: Any = create(SLAB_SOLVER).prepare(problem)
+        self.over_slabs = slabs.begin(np.zeros(problem.n_rows))
         self.short_records = self.data.records.astype(np.float32)
         self.impulses, self.change = np.zeros_like(self.iterates._impulses), np.zeros_like(self.iterates._impulses)
         self.n_contacts = problem.n_contacts
@@ -90,6 +94,10 @@ class Sweeps:
     def sweep(self) -> None:
         """Sweep."""
         self.iterates.sweep(SWEEPS)
+
+    def sweep_over_slabs(self) -> None:
+        """Sweep over slabs, and compute ξ."""
+        self.over_slabs.sweep(SWEEPS)
 
     def sweep_short(self) -> None:
         """Sweep over records of 32-bit numbers."""
@@ -113,6 +121,8 @@ def samples(n_balls: int, solver: str, start: str) -> tuple[dict[str, Callable[[
         "stream": ordered.stream,
         "32 bits": ordered.sweep_short,
         "shuffled": shuffled.sweep,
+        "slabs": ordered.sweep_over_slabs,
+        "shuffled slabs": shuffled.sweep_over_slabs,
     }
     return timed, ordered.n_contacts, ordered.bytes_per_contact
 
@@ -120,7 +130,8 @@ def samples(n_balls: int, solver: str, start: str) -> tuple[dict[str, Callable[[
 def main(sizes: Sequence[int], solver: str, start: str) -> None:
     """Print the costs at each size; ``solver`` solves the steps from ``start``."""
     print(
-        " balls  contacts    sweeps  ms a step  bytes  ns a contact and sweep  streaming  ratio  32 bits  shuffled  MB"
+        " balls  contacts    sweeps  ms a step  bytes  ns a contact and sweep  streaming  ratio  32 bits  shuffled"
+        "  slabs  shuffled slabs  MB"
     )
     prepared = {n: samples(n, solver, start) for n in sizes}
     times: dict[tuple[int, str], list[float]] = {}
@@ -133,13 +144,14 @@ def main(sizes: Sequence[int], solver: str, start: str) -> None:
                     times.setdefault((n, name), []).append(time.process_time() - began)
     for n, (timed, contacts, moved) in prepared.items():
         sweeps = ", ".join(str(step.iterations) for step in timed["step"]())
-        names = "sweep", "stream", "32 bits", "shuffled"
-        sweep, streaming, short, shuffled = (1e9 * min(times[n, name]) / SWEEPS / contacts for name in names)
+        each = {name: 1e9 * min(times[n, name]) / SWEEPS / contacts for name in timed}
+        sweep, streaming = each["sweep"], each["stream"]
         step = 1e3 * min(times[n, "step"]) / STEPS
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(
             f"{n:6} {contacts:9} {sweeps:>9} {step:10.2f} {moved:6} {sweep:23.1f} {streaming:10.1f} "
-            f"{sweep / streaming:6.2f} {short:8.1f} {shuffled:9.1f} {memory:4.0f}"
+            f"{sweep / streaming:6.2f} {each['32 bits']:8.1f} {each['shuffled']:9.1f} {each['slabs']:6.1f} "
+            f"{each['shuffled slabs']:15.1f} {memory:4.0f}"
         )
 
 

@@ -21,6 +21,7 @@ from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.moreau import Moreau
 from proxbench.problems.motion.stepping.step import AcceptedStep
 from proxbench.solvers import Solution, Status, Stop, create
+from threadpoolctl import threadpool_info, threadpool_limits
 
 Pour = Callable[..., SimulationPlan]
 TIMELESS = [name for name in step_columns(make_scene("pile")).names or () if name != "seconds"]
@@ -199,6 +200,21 @@ def test_an_interruption_in_a_recorder_leaves_whole_steps_in_the_file(pour: Pour
         simulate(pour(), tmp_path / "a.npz", on_step=[interrupt])
     assert read_simulation(tmp_path / "a.npz").n_steps == 7
     assert_same_bits(resume_simulation(tmp_path / "a.npz"), simulate(pour()))
+
+
+def test_numerical_libraries_use_one_thread_during_a_simulation_only(pour: Pour) -> None:
+    """Otherwise the bits of long sums, and the processor time of steps, depend on the number of cores."""
+
+    def threads() -> list[int]:
+        return [library["num_threads"] for library in threadpool_info()]
+
+    during: list[int] = []
+    with threadpool_limits(2):
+        before = threads()
+        simulate(pour(), on_step=[lambda *_: during.extend(threads())])
+        assert threads() == before
+    assert set(during) == {1}
+    assert max(before) > 1
 
 
 def test_the_file_is_written_at_intervals(pour: Pour, tmp_path: Path) -> None:
