@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
 
-from threadpoolctl import threadpool_limits
-
 from ...problems.contact.matrices.memory import require_memory
 from ...problems.contact.solver import Solver
 from ...problems.errors import error_text
@@ -15,6 +13,7 @@ from ...problems.motion.bodies.rigid.rigid_bodies import RigidBodies
 from ...problems.motion.scenes.scene import Scene
 from ...problems.motion.stepping.position_projection import joint_bytes
 from ...problems.motion.stepping.step import NOT_FINITE, AcceptedStep
+from ...solvers.iteration.cores import one_library_thread
 from ..errors import BenchError, FailedSimulationError
 from ..plugins.remote_scene import RemoteSystem
 from ..report.layout.output_file import output_file
@@ -139,8 +138,7 @@ def resumable_simulation(
 def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     """Take the remaining steps, and write the result file at intervals and at the end.
 
-    Numerical libraries use one thread meanwhile, as in measured cases. The rounding of long sums would depend on the
-    number of threads, and threads of OpenBLAS use their cores for a tenth of a second after each sum.
+    Numerical libraries use one thread meanwhile, as in measured cases; see ``one_library_thread``.
 
     Raises:
         InsufficientMemoryError: if the available memory does not suffice for a step and the states to keep.
@@ -157,21 +155,20 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     _store(simulation)  # detects immediately that the file cannot be written
     written = clock()
     steps = _steps(simulation, hooks.get("watch_steps", without_compilation))
-    limits = threadpool_limits(1)
     try:
-        while not simulation.is_finished and not (should_stop and should_stop()):
-            taken = _next_step(simulation, steps)
-            for call in hooks.get("on_step", ()):
-                call(simulation.n_steps, taken)
-            now = clock()
-            simulation.wall_seconds = now - began
-            if now - written >= checkpoint_seconds:
-                _store(simulation)
-                written = clock()
-            if on_progress:
-                on_progress(simulation)
+        with one_library_thread():
+            while not simulation.is_finished and not (should_stop and should_stop()):
+                taken = _next_step(simulation, steps)
+                for call in hooks.get("on_step", ()):
+                    call(simulation.n_steps, taken)
+                now = clock()
+                simulation.wall_seconds = now - began
+                if now - written >= checkpoint_seconds:
+                    _store(simulation)
+                    written = clock()
+                if on_progress:
+                    on_progress(simulation)
     finally:
-        limits.restore_original_limits()
         _store(simulation)
 
 

@@ -14,11 +14,12 @@ interior point method, and about a fifth on piles of balls. Slow sweeps thus tak
 that follow. Anderson acceleration often gains more in a few sweeps than momentum in a whole window. Newton steps on few
 rows take no longer than a hundred sweeps. With joints, they transmit impulses along whole chains; a sweep transmits
 them to the next joint. In both cases the first windows are short: Newton steps are tried after the first window that
-gains no digit, and sweeps continue if the steps fail. No decision depends on the tolerance, or on the clock except for
-the time limit.
+gains no digit, and sweeps continue if the steps fail. No decision depends on the tolerance, on the number of cores, or
+on the clock except for the time limit: after the first window, numerical libraries use one thread.
 """
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
@@ -26,6 +27,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Observer, Prepared, Solution, Status, Stop
 from ...problems.errors import InsufficientMemoryError, error_text
+from ..iteration.cores import one_library_thread
 from ..iteration.loop import (
     Iterates,
     IterationDriver,
@@ -95,24 +97,27 @@ class PreparedRobust:
         sequence = SolverSequence(problem, residual, self.prepared, stop, observe, monitor.clock)
         equations = cache(partial(Equations, problem, residual))
         lengths = window_lengths(problem)
-        for length in lengths:
-            window = Window(length, driver.iteration, partial(longest_window, sequence))
-            result = run_sweeps(sequence, driver, self.name, window, first=first, min_sweeps=self.between_checks)
-            is_last = result.has_ended or length == lengths[-1]
-            begin = accelerated_sweeps(sequence) if result.solution is None and is_last else None
-            if begin is not None:
-                driver = IterationDriver(begin(result.best.copy()), begin, monitor, observe, sequence.iterations)
-                whole = window.length if length == lengths[-1] else lengths[-1]
-                window = Window(whole // ACCELERATED_SHARE, driver.iteration)
-                result = run_sweeps(sequence, driver, ACCELERATED.name, window, first=first)
-            if result.solution is not None:
-                return result.solution
-            solution = run_newton_steps(sequence, equations, driver, result)
-            if solution is not None:
-                return solution
-            if is_last:
-                break
-        return run_sequence(sequence, None)
+        with ExitStack() as limits:
+            for length in lengths:
+                window = Window(length, driver.iteration, partial(longest_window, sequence))
+                result = run_sweeps(sequence, driver, self.name, window, first=first, min_sweeps=self.between_checks)
+                if result.solution is not None:
+                    return result.solution
+                if length == lengths[0]:
+                    limits.enter_context(one_library_thread())
+                is_last = result.has_ended or length == lengths[-1]
+                begin = accelerated_sweeps(sequence) if is_last else None
+                if begin is not None:
+                    driver = IterationDriver(begin(result.best.copy()), begin, monitor, observe, sequence.iterations)
+                    whole = window.length if length == lengths[-1] else lengths[-1]
+                    window = Window(whole // ACCELERATED_SHARE, driver.iteration)
+                    result = run_sweeps(sequence, driver, ACCELERATED.name, window, first=first)
+                solution = result.solution or run_newton_steps(sequence, equations, driver, result)
+                if solution is not None:
+                    return solution
+                if is_last:
+                    break
+            return run_sequence(sequence, None)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,11 @@
-"""The cores that this process may use."""
+"""The cores that this process may use, and threads of numerical libraries."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+
+from threadpoolctl import ThreadpoolController
 
 
 def usable_cores() -> int:
@@ -13,3 +18,19 @@ def thread_requirement(cores: int) -> str:
     if cores == 1:
         return "1, because this process may use only one core"
     return f"a whole number from 1 to {cores}, the cores that this process may use"
+
+
+@contextmanager
+def one_library_thread() -> Iterator[None]:
+    """Limit BLAS and similar libraries to one thread, also in other threads of this process.
+
+    With several threads, the rounding of sums depends on their number, and hard problems amplify it until other methods
+    succeed. OpenBLAS also keeps all cores busy for a tenth of a second after each call.
+    """
+    with _libraries().limit(limits=1):
+        yield
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    return ThreadpoolController()

@@ -3,17 +3,19 @@
 import itertools
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Status, Stop, create, solve
-from proxbench.solvers.composite import sweep_selection
+from proxbench.solvers.composite import robust, sweep_selection
 from proxbench.solvers.composite.robust import PreparedRobust
 from proxbench.solvers.composite.sweep_selection import can_accelerate, select_sweeps, sweeps_between_checks
 from proxbench.solvers.composite.windows import WINDOW
 from proxbench.solvers.iteration.loop import iterate
 from proxbench.solvers.iteration.stopping import MAX_CHECK_INTERVAL
+from threadpoolctl import threadpool_info, threadpool_limits
 
 
 @pytest.mark.parametrize("name", ["funnel-30", "funnel-100-late", "hard-sticking-box", "woodpecker-upper-impact"])
@@ -194,3 +196,28 @@ def test_stacks_of_boxes_with_a_heavy_top_are_solved(seed: int) -> None:
     solution = solve(problem, tolerance=1e-8)
     assert solution.status is Status.SOLVED
     assert judge(problem, solution.impulses).residual <= 1e-8
+
+
+def test_methods_after_the_first_window_use_one_thread_of_numerical_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hard problems amplify rounding, so the outcome would depend on the number of cores."""
+
+    def threads() -> list[int]:
+        return [library["num_threads"] for library in threadpool_info()]
+
+    during: dict[str, list[int]] = {}
+    for name in ("run_sweeps", "run_newton_steps"):
+        run = getattr(robust, name)
+
+        def watched(*arguments: Any, name: str = name, run: Any = run, **options: Any) -> Any:
+            during[name] = threads()
+            return run(*arguments, **options)
+
+        monkeypatch.setattr(robust, name, watched)
+    with threadpool_limits(2):
+        before = threads()
+        robust.prepare_by_parts(load("funnel-30")).solve(Stop(1e-8))
+        assert during == {"run_sweeps": before}
+        robust.prepare_by_parts(load("hard-tower-10-top-1e4")).solve(Stop(1e-8))
+        assert threads() == before
+    assert set(during["run_newton_steps"]) == {1}
+    assert max(before) > 1
