@@ -113,7 +113,7 @@ class Laws:
     partner: IntArray
 
     equal_laws: ClassVar["Laws | None"] = None
-    """The longer list of laws of equal contacts from whose beginning these laws were taken, if any."""
+    """The longer list of laws of equal contacts that begins with these laws, if any."""
 
     def __post_init__(self) -> None:
         for name, dtype in _FIELDS.items():
