@@ -1,4 +1,4 @@
-"""The contact problem: one time-stepping inclusion, as a frozen value.
+"""The contact problem: one time-stepping inclusion, as an immutable object.
 
 Find the impulses Λ [N s] with
 
@@ -279,7 +279,7 @@ class ContactProblem:
         """Return the same problem under another name, with ``provenance`` added.
 
         Raises:
-            ProblemError: if the name is not a text.
+            ProblemError: if the name is not a string.
         """
         _require_type("name", name, str, "a text")
         return self._described(name=name, provenance={**self.provenance, **provenance})
@@ -308,7 +308,7 @@ class ContactProblem:
         return self._described(name="problem", provenance={}, answer=None, keys=())
 
     def fresh(self) -> "ContactProblem":
-        """Return an equal problem that shares no object, no memory and no assembled matrix with this one."""
+        """Return an equal problem with copies of all its numbers, except the answer, and without assembled matrices."""
         return self._described(
             free_velocity=frozen(self.free_velocity, np.float64),
             laws=self.laws.fresh(),
