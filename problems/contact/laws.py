@@ -1,6 +1,6 @@
 """The set-valued force laws of a contact problem.
 
-Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, [28–30]) with
+Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, equations 28–30) with
 
     unilateral contact   C = R₀⁺                     1 row
     planar friction      C = [−b, b]                 1 row

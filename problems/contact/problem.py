@@ -5,7 +5,7 @@ Find the impulses Λ [N s] with
     −(G Λ + c)_i ∈ N_{C_i}(Λ_i)      for every law i,      ξ = G Λ + c,
 
 where G [1/kg] is the Delassus matrix, c [m/s] the free velocity and C_i the set of law i (see ``laws``). G is given
-either as a matrix or by its factors, G = Wᵀ M⁻¹ W (Studer & Glocker 2005, [26–30]).
+either as a matrix or by its factors, G = Wᵀ M⁻¹ W (Studer & Glocker 2005, equations 26–30).
 """
 
 import hashlib
@@ -156,7 +156,7 @@ class ContactProblem:
             friction: μ, one number or one for each contact; 0 if None.
             dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2); 3 if None.
             laws: any mixture of laws, instead of ``friction`` and ``dim``.
-            free_motion: u_B + M⁻¹ h Δt, the velocity without contacts, shape (n_dofs,); optional.
+            free_motion: u_B + M⁻¹ h Δt with forces h, the velocity without contacts, shape (n_dofs,); optional.
             attributes: name, provenance, answer and keys, see ``ContactProblem``.
 
         Raises:

@@ -76,7 +76,7 @@ def immovable_contact(n: int = 2, dim: int = 1) -> ContactProblem:
 
 
 def immovable_among(n: int) -> ContactProblem:
-    """Return a sliding tower of ``n`` bodies with an additional ground contact of zero normal in the middle of the list.
+    """Return a sliding tower of ``n`` bodies with another ground contact of zero normal in the middle of the list.
 
     No impulse can stop the approach of this contact at 1 m/s. The problem of the other contacts has a solution.
     """

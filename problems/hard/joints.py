@@ -68,7 +68,7 @@ def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
 
 
 def pendulum(copies: int) -> ContactProblem:
-    """Return a horizontal rod of 1 kg and 1 m, released at rest, with ``copies`` equal pins at one end.
+    """Return a horizontal rod of 1 kg and 1 m, released from rest, with ``copies`` equal pins at one end.
 
     It rotates at ω = −3/2 g Δt / 1 m, and its pins bear a quarter of its weight.
     """

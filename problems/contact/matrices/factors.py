@@ -147,7 +147,7 @@ class Factors:
     Attributes:
         directions: W as given: scipy CSC, shape (n_dofs, n_rows), or in pieces, one block per contact.
         inverse_mass: M⁻¹.
-        free_motion: u_B + M⁻¹ h Δt, the velocity without contacts, shape (n_dofs,), or ``None``.
+        free_motion: u_B + M⁻¹ h Δt with forces h, the velocity without contacts, shape (n_dofs,), or ``None``.
     """
 
     directions: sp.csc_array[Any] | Pieces

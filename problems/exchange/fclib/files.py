@@ -84,7 +84,8 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
         impulses: Λ [N s], shape (n_rows,), to be stored as the solution; the known solution if None.
 
     Raises:
-        ProblemError: if FCLIB has no such laws, the name has a different ending, or the file cannot be written.
+        ProblemError: if FCLIB has no such laws, the impulses have the wrong shape or are not finite, the name has a
+            different ending, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:
