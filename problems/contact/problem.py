@@ -363,7 +363,7 @@ def _check_keys(keys: Sequence[str], n_contacts: int) -> None:
 
 
 def _laws_of(free_velocity: FloatArray, friction: ArrayLike | None, dim: int | None, laws: Laws | None) -> Laws:
-    """Return ``laws``, or those of equal contacts if it is None; the two ways exclude each other."""
+    """Return ``laws``, or those of equal contacts if it is None; the two are mutually exclusive."""
     if laws is None:
         return _equal_contacts(free_velocity, 0.0 if friction is None else friction, 3 if dim is None else dim)
     _require_type("laws", laws, Laws, "Laws, as from Laws.contacts(mu, dim, n_contacts)")

@@ -125,7 +125,7 @@ class Residual:
         return self.lengths * sums
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
-        """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
+        """Return the residual of Λ [N s] for ξ = GΛ + c [m/s], both of shape (n_rows,)."""
         if self.infeasible:
             return np.inf
         if self.unit != 1.0:
@@ -157,7 +157,7 @@ class ModelResidual(Residual):
         self._problem = problem if self.unit == 1.0 else in_units(problem, time=self.unit).problem
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
-        """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
+        """Return the residual of Λ [N s] for ξ = GΛ + c [m/s], both of shape (n_rows,)."""
         if self.infeasible:
             return np.inf
         impulses, velocity = self.unit * impulses, self.unit * velocity

@@ -145,7 +145,7 @@ class Prepared(Protocol):
 
     A solver that works asynchronously, for example on a GPU, also has a method ``synchronise()``. It waits until the
     impulses are in the array of the solution, and is called before the clock stops. If the prepared solver uses fewer
-    threads than the solver declares, ``threads`` is their number.
+    threads than the solver declares, its ``threads`` is their number.
     """
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
