@@ -28,7 +28,7 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
 
 
 def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:
-    """Return a contiguous read-only copy of ``values``; messages call it ``name``.
+    """Return a contiguous read-only copy of ``values``, called ``name`` in error messages.
 
     Raises:
         ProblemError: if ``values`` are not real numbers.

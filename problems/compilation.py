@@ -56,7 +56,7 @@ class CompilationListener(event.Listener):
         self._silent[0] = 1
 
     def share_with_forks(self) -> None:
-        """Let this process and those that it forks write one notice in all, to what is standard error now.
+        """Let this process and its forks write one notice in total, to the current standard error.
 
         A forked process may redirect its own standard error.
         """
@@ -99,7 +99,7 @@ event.register("numba:compile", COMPILATION)  # type: ignore[no-untyped-call]
 def load_cached_kernels() -> int:
     """Load the kernels of all imported modules that numba has cached for this processor.
 
-    The first call with new types loads a kernel in about 5 ms; later calls do not.
+    Otherwise the first call of a kernel with new types loads it, which takes about 5 ms.
 
     Returns:
         The number of kernels that were loaded, one for each combination of types.
@@ -151,7 +151,7 @@ def interprets_kernels(function: Callable[P, R]) -> Callable[P, R]:
 
 @contextmanager
 def compiled_kernels() -> Iterator[None]:
-    """Compile all kernels at their first calls within the block, also in functions from ``interprets_kernels``."""
+    """Compile kernels at their first calls within the block, even under ``interprets_kernels``."""
     token = _INTERPRETS.set(False)
     try:
         yield
@@ -162,8 +162,8 @@ def compiled_kernels() -> Iterator[None]:
 class DeferredKernels:
     """Kernels that replace slower, already compiled kernels with the same results.
 
-    Within a function from ``interprets_kernels``, they replace the slower ones after ``uses_before_loading`` uses if
-    they are in the cache, otherwise after ``uses_before_compiling`` uses.
+    Within a function decorated with ``interprets_kernels``, they replace the slower ones after ``uses_before_loading``
+    uses if they are in the cache, otherwise after ``uses_before_compiling`` uses. Elsewhere, they replace them at once.
 
     Args:
         kernels: the kernels.
@@ -190,9 +190,9 @@ def count_numbers(*arguments: Any) -> int:
 
 
 def interpretable(kernel: Any, count: Callable[..., int] = count_numbers) -> Any:
-    """Return ``kernel``, whose first calls in functions from ``interprets_kernels`` are interpreted.
+    """Return ``kernel``, whose first calls in functions decorated with ``interprets_kernels`` are interpreted.
 
-    ``count`` returns how many numbers the kernel reads if it is called with these arguments. Calls of a compiled
+    ``count`` returns how many numbers the kernel reads when it is called with its arguments. Calls of a compiled
     kernel do not become slower: numba calls ``_compile_for_args`` only if no compiled version fits the arguments, and
     then calls its result.
     """

@@ -4,18 +4,19 @@ MuJoCo minimises over the forces f of its constraint rows
 
     ½ fᵀ (A + diag R) f + fᵀ b,      f_i ∈ Ω_i,
 
-with A = J M⁻¹ Jᵀ [1/kg], a regularisation R and b = J q̈ − a_ref [m/s²] (Todorov, Convex and analytically-invertible
-dynamics with contacts and constraints, 2014). The sets Ω are the line (equality), an interval (friction loss), the
-half-line (limits, contacts without friction, edges of a pyramid) and the elliptic cone ‖(f_k/μ_k)‖ ≤ f_N. Coulomb's law
-defines another problem: it has neither R nor a_ref, and its friction is not associated.
+with the constraint Jacobian J, A = J M⁻¹ Jᵀ [1/kg], a regularisation R and b = J q̈ − a_ref [m/s²], where q̈ is the
+acceleration without constraints (Todorov, Convex and analytically-invertible dynamics with contacts and constraints,
+2014). The sets Ω are the line (equality), an interval (friction loss), the half-line (limits, contacts without
+friction, edges of a pyramid) and the elliptic cone ‖(f_k/μ_k)‖ ≤ f_N. Coulomb's law defines another problem: it has
+neither R nor a_ref, and its friction is not associated.
 
 Kamino solves Coulomb's law with compliant contacts and limits. With g = (A + diag R) f + b it requires, for
 each contact, that f and g + μ ‖g_T‖ e_N are complementary in the cone and its dual (De Saxcé & Feng 1998).
 
-The impulses of the contact problem are Λ = h S f. For an elliptic cone, S is invertible. A contact with a pyramid has
-two forces f₊, f₋ ≥ 0 for each tangent, with f_N = Σ (f₊ + f₋) and f_k = μ_k (f₊ − f₋). fᵀA f and fᵀb depend on f
-only through f_N and f_k, and the edges of a contact have one R. So the forces that belong to Λ are those with the
-least Σ f²: with d_k = f₊ − f₋ and s_k = f₊ + f₋,
+The impulses of the contact problem are Λ = h S f, with the time step h and a matrix S. For an elliptic cone, S is
+invertible. A contact with a pyramid has two forces f₊, f₋ ≥ 0 for each tangent, with f_N = Σ (f₊ + f₋) and
+f_k = μ_k (f₊ − f₋). fᵀA f and fᵀb depend on f only through f_N and f_k, and the edges of a contact share one R. So the
+forces that belong to Λ are those with the least Σ f²: with d_k = f₊ − f₋ and s_k = f₊ + f₋,
 
     s_k = max(|d_k|, τ),      with the τ for which Σ s_k = f_N.
 """
@@ -323,7 +324,8 @@ class _Sets:
 def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
     """Return the residual of forces under the model of their engine.
 
-    With α_i the largest diagonal entry of A + diag R over the rows of set i, friction rows of a cone scaled by μ,
+    With P_i the projection onto set i, and α_i the largest diagonal entry of A + diag R over its rows, friction rows of
+    a cone scaled by μ,
 
         residual = max_i α_i ‖f_i − P_i(f_i − g_i/α_i)‖ / scale,      g = (A + diag R) f + b,
 
@@ -334,7 +336,7 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
         forces: f [N], shape (n,).
 
     Raises:
-        ProblemError: if the forces have a wrong shape.
+        ProblemError: if the forces have the wrong shape.
     """
     found = np.asarray(forces, dtype=np.float64)
     if found.shape != model.offset.shape:

@@ -75,13 +75,13 @@ def _nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def error_text(failure: BaseException) -> str:
-    """Return the text of an error in one line, without the full stop."""
+    """Return the text of an error on one line, without the final full stop."""
     what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
     return " ".join(what.split()).rstrip(".")
 
 
 def first_line(failure: BaseException) -> str:
-    """Return the type of an error and the first line of its text, without the full stop."""
+    """Return the type of an error and the first line of its text, without the final full stop."""
     lines = str(failure).strip().splitlines()
     return type(failure).__name__ + (f": {lines[0][:200].rstrip('.')}" if lines else "")
 
@@ -92,9 +92,9 @@ _FRAMEWORK = tuple(Path(__file__).parents[1] / package for package in ("problems
 
 
 def raised_at(failure: BaseException) -> str:
-    """Return ``" (line 18 of wrapped.py)"`` for the deepest line of the author's files that an exception passed.
+    """Return ``" (line 18 of wrapped.py)"`` for the deepest line of the author's files in a traceback.
 
-    It is empty if the exception passed only libraries and Proxbench.
+    It is empty if the traceback has only lines of libraries and Proxbench.
     """
     for frame, line in reversed(list(traceback.walk_tb(failure.__traceback__))):
         file = Path(frame.f_code.co_filename)

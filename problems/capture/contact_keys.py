@@ -1,8 +1,8 @@
 """Persistent names of contacts across steps.
 
-Contacts of one pair of geometries are distinguished by a number, ``"floor | box #2"``. In the next step, a contact
-takes the number of the nearest previous contact of the pair. The smaller of the distances in the frames of the two
-geometries counts, because the corner of a sliding box does not move in the frame of the box.
+A number distinguishes contacts of one pair of geometries, as in ``"floor | box #2"``. In the next step, a contact takes
+the number of the nearest previous contact of the pair. The distance is the smaller of those in the frames of the two
+geometries, because the corner of a sliding box does not move in the frame of the box.
 """
 
 from collections.abc import Sequence

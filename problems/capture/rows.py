@@ -2,7 +2,7 @@
 
 =========================== =======================================================================================
 equality                    a bilateral law per row
-friction loss               planar friction with a fixed bound, h times the loss
+friction loss               planar friction with a fixed bound, the time step h times the loss
 limit of a joint or tendon  a unilateral law
 contact, ``condim`` 1       a unilateral law
 ``condim`` 3                the same with sliding friction
@@ -10,11 +10,13 @@ contact, ``condim`` 1       a unilateral law
 ``condim`` 6                the same with sliding, and with rolling and spinning friction under one bound
 =========================== =======================================================================================
 
-μ is ``contact.friction``; ``contact.mu`` is divided by √impratio. If friction differs between axes, rows are scaled
-by s_k = μ_k/μ_1, velocities by s_k and impulses by 1/s_k: the elliptic cone becomes circular, and work is unchanged.
+μ is ``contact.friction``, not ``contact.mu``, which is divided by √impratio. If friction differs between the axes of a
+law, velocities are scaled by s_k = μ_k/μ_1 and impulses by 1/s_k: the elliptic cone becomes circular, and work is
+unchanged.
 
-A pyramidal contact has the rows J_N ± μ_k J_k instead of J_N and J_k. Half their sum and half their difference give the
-rows of the contact, and f_N = Σ (f₊ + f₋), f_k = μ_k (f₊ − f₋), as in ``mju_decodePyramid``.
+A pyramidal contact has the rows J_N ± μ_k J_k of the Jacobian instead of J_N and J_k, with forces f₊ and f₋. Half their
+sum is J_N, and half their difference is μ_k J_k. The forces are f_N = Σ (f₊ + f₋) and f_k = μ_k (f₊ − f₋), as in
+``mju_decodePyramid``.
 """
 
 from collections.abc import Sequence
@@ -172,7 +174,7 @@ def engine_sets(data: Any) -> tuple[list[int], list[int], FloatArray]:
 
 
 def _take_single(found: _Collected, model: Any, data: Any, row: int, norm: float) -> None:
-    """Add a row that is not part of a contact with friction."""
+    """Add a row that is not part of a contact."""
     module = mujoco()
     types, objects = module.mjtConstraint, module.mjtObj
     kind, index = int(data.efc_type[row]), int(data.efc_id[row])

@@ -26,7 +26,7 @@ HEADING = "# the steps that proxbench capture wrote"
 """First line of the description of a folder."""
 
 STEP_DIGITS = 6
-"""Number of digits of a step in the name of its file."""
+"""Number of digits of the step number in a file name."""
 
 CONTROL_SECONDS = 0.02
 """Time for which random controls stay constant [s]."""
@@ -69,7 +69,7 @@ class CaptureSummary:
         empty: number of examined steps without a supported constraint row.
         laws: number of laws of the largest problem.
         engine_rows: number of engine rows in all examined steps.
-        velocity_error: largest error of the velocity after a captured step, relative to its terms.
+        velocity_error: largest error of the velocity after a captured step, relative to its largest term.
         refused_rows: the refused rows of each examined step that has any, by the number of the step.
         error: why the capture ended early; empty if it did not.
     """
@@ -122,7 +122,8 @@ def capture(
         A summary of the written files. If a step fails, the summary covers the steps before it and contains the error.
 
     Raises:
-        ProblemError: if the model cannot be read, its first step cannot be captured, or no step has a supported row.
+        ProblemError: if the folder has steps of this model and ``force`` is False, the model or its keyframe cannot be
+            read, the first step cannot be captured, or no step has a supported row.
     """
     model, taken = _read_model(file), _steps_of(output, file.stem)
     if taken and not force:
@@ -169,7 +170,7 @@ def _empty_reason(file: Path, summary: CaptureSummary, options: CaptureOptions) 
 def captured_steps(
     model: Any, data: Any, options: CaptureOptions, stem: str
 ) -> Iterator[CapturedStep | EmptyStepError]:
-    """Simulate ``model`` from the state of ``data``; yield each captured step, or why it has no supported row.
+    """Simulate from the state of ``data``; yield each captured step, or the error of a step without supported rows.
 
     Raises:
         ProblemError: if MuJoCo fails, or a step cannot be captured.

@@ -1,12 +1,14 @@
 """One step of MuJoCo as a contact problem, with MuJoCo's forces and the model that it solves.
 
-MuJoCo computes f in the state before the step, and the step then ends with
+With time step h and constraint Jacobian J, MuJoCo computes the forces f of the constraint rows in the state before the
+step. The step then ends with
 
     u⁺ = u* + M̂⁻¹ Jᵀ h f,      so that      J u⁺ = G Λ + c,   G = J M̂⁻¹ Jᵀ,   c = J u*,   Λ = h f,
 
-with u* = u + h M̂⁻¹ f_smooth, the velocity without constraints. M̂ is the mass matrix of the integrator: M + hD (Euler),
-M − h ∂f/∂u (implicitfast), M + hD + h²K (discrete, where u* = u + h q̈_smooth). MuJoCo stores its factor in ``qH``.
-A step that does not end with this velocity is not a step of this problem, and is not captured.
+with u* = u + h M̂⁻¹ f_smooth, the velocity without constraints. M̂ is the mass matrix of the integrator, with damping D
+and stiffness K: M + hD (Euler), M − h ∂f_smooth/∂u (implicitfast), M + hD + h²K (discrete, where u* = u + h q̈_smooth).
+MuJoCo stores its factor in ``qH``. A step that does not end with this velocity is not captured, because it is not a
+step of this problem.
 
 The impulses of refused rows, as MuJoCo computed them, are part of the free velocity.
 """
@@ -29,16 +31,16 @@ from .mujoco_import import mujoco
 from .rows import CapturedRows, RefusedRow, captured_rows, engine_sets
 
 STEP_ERROR = 1e-9
-"""Largest error of the velocity after a step, relative to its terms."""
+"""Largest accepted error of the velocity after a step, relative to its largest term."""
 
 VELOCITY_ERROR = "velocity_error"
-"""Entry of the provenance: the error of the velocity after the step, relative to its terms."""
+"""Entry of the provenance: the error of the velocity after the step, relative to its largest term."""
 
 UNSUPPORTED_INTEGRATORS = {
     "RK4": "solves the constraints four times in a step",
     "IMPLICIT": "has a mass matrix that is not symmetric",
 }
-"""Reasons for which an integrator of MuJoCo is not supported, by its name."""
+"""Why an integrator of MuJoCo is not supported, by its name."""
 
 INTEGRATOR_REMEDY = 'set integrator to "implicitfast", "Euler" or "discrete"'
 """Remedy for an unsupported integrator."""
@@ -118,8 +120,8 @@ def from_mujoco(model: Any, data: Any, name: str = "") -> ContactProblem:
         name: name of the problem; that of the model if empty.
 
     Raises:
-        ProblemError: if MuJoCo is not installed or its version not supported, no row is supported, or the step does not
-            correspond to a contact problem.
+        ProblemError: if MuJoCo is not installed or its version is not supported, no row is supported, or the step does
+            not correspond to a contact problem.
     """
     return captured_step(model, data, name).problem
 
@@ -229,7 +231,7 @@ def _tree_matrix(model: Any, values: FloatArray) -> sp.csr_array[Any]:
 
 
 def _effective_mass(model: Any, factor: FloatArray) -> InverseMass:
-    """Return M̂⁻¹ from the factor M̂ = Lᵀ D L, L with a unit diagonal."""
+    """Return M̂⁻¹ from the factors of M̂ = Lᵀ D L, where L has a unit diagonal."""
     lower = _tree_matrix(model, factor)
     diagonal = lower.diagonal()
     unit = sp.csr_array(lower - sp.diags_array(diagonal) + sp.eye_array(model.nv))
@@ -245,7 +247,7 @@ def _unbalanced(inverse: InverseMass, data: Any, total: FloatArray) -> FloatArra
 
 
 def _velocity_error(expected: FloatArray, after: FloatArray, before: FloatArray, free: FloatArray) -> float:
-    """Return the error of the velocity after a step, relative to its terms; NaN if a velocity is not finite.
+    """Return the error of the velocity after a step, relative to its largest term; NaN if a velocity is not finite.
 
     The velocity without constraints is one of the terms, because it is by far the largest if bodies are at rest.
     """

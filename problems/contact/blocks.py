@@ -1,8 +1,8 @@
 """The layout of a problem in blocks of equal width, which lets kernels treat all contacts alike.
 
-A block is a unilateral law with the friction laws that it bounds, or a single law. Its lanes are N, T1, T2, R1, R2, R3,
-without those that no block uses. An unused lane of a block has a zero row and column in G and a zero in c, and every
-projection keeps Λ = 0 in it.
+A block is a unilateral law with the friction laws that it bounds and that follow it, or a single law. Its lanes are
+N, T1, T2, R1, R2, R3, without those that no block uses. An unused lane of a block has a zero row and column in G and a
+zero in c, and every projection keeps Λ = 0 in it.
 """
 
 from dataclasses import dataclass, replace
@@ -147,7 +147,7 @@ def layout_of(laws: Laws) -> BlockLayout:
 
 
 def _part_of_layout(laws: Laws) -> BlockLayout | None:
-    """Return the layout of laws that begin a longer list of equal contacts, from the list's layout; else None."""
+    """Return the layout of laws that begin a longer list of equal contacts, from the list's layout, or None."""
     if laws.equal_laws is None or not laws.n_laws:
         return None
     whole = layout_of(laws.equal_laws)

@@ -1,9 +1,9 @@
 """The coupling of contacts: two contacts are coupled if they touch a common body, directly or through other contacts.
 
-If the factors are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ, and two contacts share it if both have an entry
-there. If only G is known, every entry beyond rounding couples its two contacts; contacts of one body in directions that
-happen to be orthogonal are then not coupled. A friction law is coupled with the law that bounds it. The connected
-components of this graph are independent contact problems.
+If the factors of G = Wᵀ M⁻¹ W are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ. Two contacts share it if both
+have an entry there. If only G is known, every entry above rounding level couples its two contacts; contacts of one body
+in directions that happen to be orthogonal are then not coupled. A friction law is coupled with the law that bounds it.
+The connected components of this graph are independent contact problems.
 """
 
 from typing import Any
@@ -26,7 +26,7 @@ NEGLIGIBLE = 2.0**-40
 
 
 def components(problem: ContactProblem) -> IntArray:
-    """Return the connected component of each contact, numbered from 0 by their first contacts, shape (n_contacts,)."""
+    """Return the component of each contact, numbered from 0 in the order of first contacts, shape (n_contacts,)."""
     layout = problem.layout
     if layout.n_blocks <= 1:
         return np.zeros(layout.n_blocks, dtype=np.int64)
@@ -86,7 +86,7 @@ def _touched_bodies(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray
 @interpretable
 @njit(cache=True)
 def _coupled_contacts(indptr, indices, data, root, contact_of_row):  # type: ignore[no-untyped-def]
-    """Return, for each row of G, the contacts of entries beyond rounding: |g_ij| > ROUNDING √(g_ii g_jj)."""
+    """Return, for each row of G, the contacts of entries above rounding level: |g_ij| > ROUNDING √(g_ii g_jj)."""
     starts, bodies = np.zeros(len(indptr), dtype=np.int64), np.empty(len(data), dtype=np.int64)
     count = 0
     for row in range(len(contact_of_row)):
@@ -146,7 +146,7 @@ def _root_of(root, contact):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _components_over_balls(chunks, n_balls, partner):  # type: ignore[no-untyped-def]
-    """Return the component of each contact of balls: its rows have entries for all velocities of its balls."""
+    """Return the component of each contact, if its rows have entries for all velocities of its balls."""
     root, number = np.arange(n_balls), np.full(n_balls, -1)
     for contact in range(len(partner)):
         first = _root_of(root, chunks[2 * contact])
@@ -242,7 +242,7 @@ def row_lengths(problem: ContactProblem) -> FloatArray:
 def _write_scales(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
 ):
-    """Write α_i, ℓ_i and ℓ_i ‖c_i‖ of every law.
+    """Write α_i, ℓ_i and ℓ_i ‖c_i‖ of every law; see ``Residual``.
 
     Return the index of a law that no impulse can satisfy (−1 if there is none), and max ℓ_i ‖c_i‖ [m/s].
     """

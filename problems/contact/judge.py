@@ -1,6 +1,7 @@
 """The judge, which measures how well impulses solve a contact problem, from the impulses alone.
 
-For law i, let α_i be the largest diagonal entry of its block of G, and C_i(Λ) its set of admissible impulses. Then
+Let ξ = GΛ + c. For law i, let α_i be the largest diagonal entry of its block of G, and C_i(Λ) its set of admissible
+impulses. Then
 
     R_i = Λ_i − prox_{C_i(Λ)}(Λ_i − ξ_i/α_i),      residual = max_k ( max_{i in k} α_i ‖R_i‖ / max_{i in k} ‖c_i‖ ),
 
@@ -72,8 +73,8 @@ class Verdict:
         local_residual: max_i α_i ‖R_i‖/s_i, where s_i is the largest ‖c‖ of the contacts that share a body with the
             contact of law i, but at least the velocity of free fall in a step, if known.
         local_median: median of α_i ‖R_i‖/s_i over the laws.
-        local_q90: its 90 % quantile.
-        local_q99: its 99 % quantile.
+        local_q90: the 90 % quantile of the same ratios.
+        local_q99: their 99 % quantile.
         energy_residual: max_i(√α_i ‖R_i‖) / max_i(‖c_i‖/√α_i), the same violations as roots of energies.
         natural_map_q: FCLIB's error ‖Λ − P_K(Λ − ū)‖₂ / ‖c‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N (De Saxcé), ρ = 1.
         natural_map_max: the same error divided by max(‖c‖, ‖Λ‖, ‖ξ‖), as in Siconos.
@@ -81,7 +82,7 @@ class Verdict:
         cone_violation: distance of Λ from its bounds, the largest of (−Λ_N)₊, (‖Λ_T‖ − b)₊ and (‖Λ_R‖ − b)₊/ℓ [N s].
         complementarity: largest absolute Λ_N ξ_N [J].
         dissipated_energy: −(½ ΛᵀGΛ + Λᵀc) [J], the energy lost relative to the free motion; exact for ε = 0.
-        velocity_error: ‖ξ − ξ*‖∞ / ‖c‖∞ if the answer of the problem contains ξ*, otherwise None.
+        velocity_error: ‖ξ − ξ*‖∞ / max_i ‖c_i‖ if the answer of the problem contains ξ*, otherwise None.
         infeasible: whether no impulse can satisfy some law: a unilateral one with α_i = 0 and c_i < 0, or a bilateral
             one with α_i = 0 and c_i ≠ 0.
         model: the friction model of the residuals.

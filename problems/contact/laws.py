@@ -1,6 +1,6 @@
 """The set-valued force laws of a contact problem.
 
-Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, [28–30]) with
+Every law is an inclusion −ξ ∈ N_C(Λ) (Studer & Glocker 2005, equations 28–30) with
 
     unilateral contact   C = R₀⁺                     1 row
     planar friction      C = [−b, b]                 1 row
@@ -113,7 +113,7 @@ class Laws:
     partner: IntArray
 
     equal_laws: ClassVar["Laws | None"] = None
-    """The longer list of laws of equal contacts from whose beginning these laws were taken, if any."""
+    """The longer list of laws of equal contacts that begins with these laws, if any."""
 
     def __post_init__(self) -> None:
         for name, dtype in _FIELDS.items():

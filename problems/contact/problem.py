@@ -1,11 +1,11 @@
-"""The contact problem: one time-stepping inclusion, as a frozen value.
+"""The contact problem: one time-stepping inclusion, as an immutable object.
 
 Find the impulses Λ [N s] with
 
     −(G Λ + c)_i ∈ N_{C_i}(Λ_i)      for every law i,      ξ = G Λ + c,
 
 where G [1/kg] is the Delassus matrix, c [m/s] the free velocity and C_i the set of law i (see ``laws``). G is given
-either as a matrix or by its factors, G = Wᵀ M⁻¹ W (Studer & Glocker 2005, [26–30]).
+either as a matrix or by its factors, G = Wᵀ M⁻¹ W (Studer & Glocker 2005, equations 26–30).
 """
 
 import hashlib
@@ -156,7 +156,7 @@ class ContactProblem:
             friction: μ, one number or one for each contact; 0 if None.
             dim: rows per contact: 1 (N), 2 (N, T) or 3 (N, T1, T2); 3 if None.
             laws: any mixture of laws, instead of ``friction`` and ``dim``.
-            free_motion: u_B + M⁻¹ h Δt, the velocity without contacts, shape (n_dofs,); optional.
+            free_motion: u_B + M⁻¹ h Δt with forces h, the velocity without contacts, shape (n_dofs,); optional.
             attributes: name, provenance, answer and keys, see ``ContactProblem``.
 
         Raises:
@@ -279,7 +279,7 @@ class ContactProblem:
         """Return the same problem under another name, with ``provenance`` added.
 
         Raises:
-            ProblemError: if the name is not a text.
+            ProblemError: if the name is not a string.
         """
         _require_type("name", name, str, "a text")
         return self._described(name=name, provenance={**self.provenance, **provenance})
@@ -308,7 +308,7 @@ class ContactProblem:
         return self._described(name="problem", provenance={}, answer=None, keys=())
 
     def fresh(self) -> "ContactProblem":
-        """Return an equal problem that shares no object, no memory and no assembled matrix with this one."""
+        """Return an equal problem with copies of all its numbers, except the answer, and without assembled matrices."""
         return self._described(
             free_velocity=frozen(self.free_velocity, np.float64),
             laws=self.laws.fresh(),
@@ -363,7 +363,7 @@ def _check_keys(keys: Sequence[str], n_contacts: int) -> None:
 
 
 def _laws_of(free_velocity: FloatArray, friction: ArrayLike | None, dim: int | None, laws: Laws | None) -> Laws:
-    """Return ``laws``, or those of equal contacts if it is None; the two ways exclude each other."""
+    """Return ``laws``, or those of equal contacts if it is None; the two are mutually exclusive."""
     if laws is None:
         return _equal_contacts(free_velocity, 0.0 if friction is None else friction, 3 if dim is None else dim)
     _require_type("laws", laws, Laws, "Laws, as from Laws.contacts(mu, dim, n_contacts)")

@@ -58,9 +58,10 @@ class Residual:
         alpha: α_i of each law [1/kg], shape (n_laws,); for a unilateral law with α = 0, that of its friction laws.
         lengths: ℓ_i = √(α_N/α_i) [m] of each rolling law, 1 for the others, shape (n_laws,).
         speeds: ℓ_i ‖c_i‖ of each law [m/s], shape (n_laws,).
-        scale: max ‖c_i‖ over the laws [m/s], independent of the choice of tangents.
+        scale: max ℓ_i ‖c_i‖ over the laws [m/s], independent of the choice of tangents.
         ratios: ``scale`` divided by the scale of each law's component, shape (n_laws,).
-        stuck_law: a unilateral law with α_i = 0 and c_i < 0, or a bilateral one with α_i = 0 and c_i ≠ 0; −1 for none.
+        stuck_law: index of a unilateral law with α_i = 0 and c_i < 0, or of a bilateral one with α_i = 0 and c_i ≠ 0;
+            −1 for none.
         infeasible: whether there is a stuck law.
         unit: power of two by which impulses and velocities are multiplied if their squares would leave the range of
             double precision, else 1.
@@ -124,7 +125,7 @@ class Residual:
         return self.lengths * sums
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
-        """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
+        """Return the residual of Λ [N s] for ξ = GΛ + c [m/s], both of shape (n_rows,)."""
         if self.infeasible:
             return np.inf
         if self.unit != 1.0:
@@ -156,7 +157,7 @@ class ModelResidual(Residual):
         self._problem = problem if self.unit == 1.0 else in_units(problem, time=self.unit).problem
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
-        """Return the residual of Λ [N s] with ξ = GΛ + c [m/s] given, both of shape (n_rows,)."""
+        """Return the residual of Λ [N s] for ξ = GΛ + c [m/s], both of shape (n_rows,)."""
         if self.infeasible:
             return np.inf
         impulses, velocity = self.unit * impulses, self.unit * velocity

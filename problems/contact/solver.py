@@ -60,8 +60,8 @@ _SENTENCES = {
 class Stop:
     """Stopping criteria of a solve.
 
-    A constant residual does not end a solve, because it may still fall after a million sweeps. A solve that does not
-    reach the tolerance therefore ends at the first of two limits. If both are infinite, it may never end.
+    A constant residual does not end a solve, because it may still fall after a million sweeps. A solve that neither
+    reaches the tolerance nor fails therefore ends at the first of two limits. If both are infinite, it may never end.
 
     Attributes:
         tolerance: the judge's residual to reach, dimensionless, positive.
@@ -145,7 +145,7 @@ class Prepared(Protocol):
 
     A solver that works asynchronously, for example on a GPU, also has a method ``synchronise()``. It waits until the
     impulses are in the array of the solution, and is called before the clock stops. If the prepared solver uses fewer
-    threads than the solver declares, it has their number in ``threads``.
+    threads than the solver declares, its ``threads`` is their number.
     """
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
@@ -159,7 +159,7 @@ class Solver(Protocol):
 
     A plugin may omit ``has_iterates``; True is then assumed (see ``shows_iterates``). A solver that uses random numbers
     sets ``is_randomised = True``; for any other solver, results that differ between repeats are reported. A solver that
-    computes in several threads has their number in ``threads``, and measurements give it as many cores; any other
+    computes in several threads declares their number in ``threads``, and measurements give it as many cores; any other
     solver is measured on one core.
     """
 

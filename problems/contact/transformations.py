@@ -71,7 +71,7 @@ def rotated(problem: ContactProblem, angles: ArrayLike) -> TransformedProblem:
 
 
 def duplicated(problem: ContactProblem, contact: int) -> TransformedProblem:
-    """Return the problem with a copy of one contact at the end; the old Λ is the sum of both.
+    """Return the problem with a copy of one contact at the end; its old Λ is the sum of the two new ones.
 
     A fixed bound is split between the copies.
 

@@ -42,7 +42,7 @@ WOODPECKER_SWITCHES = (
     "lower-slip-to-stick",
     "lower-stick-to-slip",
 )
-"""Switching points whose names are part of the names of the problems of the suite ``woodpecker``."""
+"""Switching points, after which the problems of the suite ``woodpecker`` are named."""
 
 ARCH_STONES = (7, 9, 13, 27, 51)
 """Numbers of stones in the arches of the suite ``bodies``."""
@@ -68,7 +68,7 @@ BODY_GROUPS: dict[str, list[str]] = {
 }
 """The problems of the suite ``bodies`` by group, without the prefix ``bodies-``.
 
-Groups of hard cases have other names."""
+Their names differ from those of the groups of hard cases."""
 
 SEQUENCES = (
     "flow-30",

@@ -71,7 +71,7 @@ def _grouped_families() -> Mapping[str, str]:
 
 
 def _proportional_shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
-    """Return the number for each family by the largest-remainder method; the earlier of two equal remainders wins."""
+    """Return the number for each family by the largest-remainder method; ties go to the earlier family."""
     total = sum(sizes.values())
     shares = {family: count * size // total for family, size in sizes.items()}
     by_remainder = sorted(sizes, key=lambda family: -(count * sizes[family] % total))

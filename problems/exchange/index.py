@@ -1,4 +1,4 @@
-"""Sizes and laws of the standard problems, stored with the frozen library, so that listing does not build problems.
+"""Sizes and laws of the shipped problems, stored with the frozen library, so that listing does not build problems.
 
 ``python -m proxbench.problems.exchange.index`` rewrites the file; run it after adding or changing a problem.
 """

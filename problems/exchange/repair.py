@@ -1,4 +1,4 @@
-"""Repair of matrices, read from files, that are not quite symmetric or semidefinite.
+"""Repair of matrices that were read from files and are not quite symmetric or semidefinite.
 
 Public files contain mass matrices with a single triangle, and matrices that lost their symmetry or their smallest
 eigenvalues to rounding. The user chooses a remedy by name, and the provenance of the problem records it.

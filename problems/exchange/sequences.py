@@ -78,7 +78,7 @@ class Predecessors:
 
     Attributes:
         steps: the steps, beginning with the first; empty if the problem follows no step, or if one is not available.
-        missing: the reason why ``steps`` is empty, a clause with the problem or its steps as subject.
+        missing: a clause that states why ``steps`` is empty; its subject is the problem or its steps.
     """
 
     steps: tuple[ContactProblem, ...] = ()

@@ -22,7 +22,7 @@ from .repair import ASYMMETRY, Repair
 from .stored_solution import OWN_RESIDUAL_KEY, RESIDUAL_KEY
 
 RANK_TOLERANCE = 1e-9
-"""Eigenvalues of the scaled G below this fraction of the largest one count as zero."""
+"""Eigenvalues of the scaled G below this fraction of its largest absolute row sum count as zero."""
 
 MAX_RANK_ROWS = 8000
 """Largest number of rows for which the rank is estimated; larger matrices may have dense factors."""
@@ -104,7 +104,7 @@ def _read(path: Path) -> ContactProblem:
     """Return the problem of a file, read with the first repair that applies.
 
     Raises:
-        ProblemError: that of the default repair, because the remedies of the others are not the reader's choice.
+        ProblemError: the error of the default repair, because the reader has not chosen the other ones.
     """
     try:
         return _read_with(path, Repair())
@@ -141,10 +141,11 @@ def problem_files(path: Path, suffixes: tuple[str, ...] = (*FCLIB_SUFFIXES, *SUF
 
 
 def estimated_rank(problem: ContactProblem) -> int | None:
-    """Return the number of eigenvalues of D^-½ G D^-½, D the diagonal of G, above ``RANK_TOLERANCE`` of the largest.
+    """Return the number of eigenvalues above σ of A = D^-½ G D^-½, where D is the diagonal of G.
 
-    By Sylvester's law of inertia, it is the number of positive pivots in a sparse factorisation of G − σI without row
-    exchanges; ``None`` if that fails. G is symmetrised first.
+    σ is ``RANK_TOLERANCE`` times the largest absolute row sum of A, a bound on its eigenvalues. By Sylvester's law of
+    inertia, the number is that of positive pivots in a sparse factorisation of A − σI without row exchanges; ``None``
+    if that fails. G is symmetrised first.
     """
     delassus, diagonal = problem.delassus(), problem.delassus_diagonal
     moved = np.flatnonzero(diagonal > 0.0)
@@ -167,7 +168,7 @@ def estimated_rank(problem: ContactProblem) -> int | None:
 def block_conditioning(problem: ContactProblem) -> FloatArray:
     """Return the condition number of the diagonal block of G of each contact, inf if singular.
 
-    Rows of rolling friction are converted to velocities as in the judge. Joints are left out.
+    Rows of rolling friction are converted to velocities as in the judge. Joints are omitted.
     """
     blocks, layout = problem.delassus_blocks(), problem.layout
     lengths = layout.pad(row_lengths(problem))

@@ -65,7 +65,8 @@ def touching() -> ContactProblem:
 def immovable_contact(n: int = 2, dim: int = 1) -> ContactProblem:
     """Return ``n`` contacts of ``dim`` rows without a solution: the normal of the last has G_ii = 0 and c_i < 0.
 
-    With friction, μ = 0.5, all slide at 0.3 m/s. An impulse at the last contact would change only its sliding.
+    With friction, μ = 0.5 and the free tangential velocities are 0.3 m/s. An impulse at the last contact would change
+    only its tangential velocity.
     """
     diagonal, c = np.ones((n, dim)), np.full((n, dim), 0.3)
     diagonal[-1, 0], c[:, 0] = 0.0, -1.0
@@ -75,7 +76,7 @@ def immovable_contact(n: int = 2, dim: int = 1) -> ContactProblem:
 
 
 def immovable_among(n: int) -> ContactProblem:
-    """Return a sliding tower of ``n`` bodies with one more ground contact, halfway in the list, whose normal is zero.
+    """Return a sliding tower of ``n`` bodies with another ground contact of zero normal in the middle of the list.
 
     No impulse can stop the approach of this contact at 1 m/s. The problem of the other contacts has a solution.
     """

@@ -43,7 +43,8 @@ def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
 
     Two cranks form a four-bar loop. Each further crank adds four rows and three degrees of freedom but does not
     restrict the motion, so one more row is redundant. The cranks make ``angle`` [rad] with the horizontal. With
-    the velocities J of all bodies at a unit angular velocity of the cranks, this velocity is ω = JᵀM u_f/JᵀMJ.
+    the velocities J of all bodies at a unit angular velocity of the cranks, their angular velocity is
+    ω = JᵀM u_f/JᵀMJ.
     """
     tangent = np.array([-np.sin(angle), np.cos(angle)])
     n_dofs, coupler = 3 * (cranks + 1), 3 * cranks
@@ -67,7 +68,7 @@ def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
 
 
 def pendulum(copies: int) -> ContactProblem:
-    """Return a horizontal rod of 1 kg and 1 m, released at rest, with ``copies`` equal pins at one end.
+    """Return a horizontal rod of 1 kg and 1 m, released from rest, with ``copies`` equal pins at one end.
 
     It rotates at ω = −3/2 g Δt / 1 m, and its pins bear a quarter of its weight.
     """

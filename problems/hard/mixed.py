@@ -29,8 +29,8 @@ def tresca_joint() -> ContactProblem:
 def mixed_laws(copies: int = 1) -> ContactProblem:
     """Return six contacts of one, two and three rows and a joint, ``copies`` times, with a chosen solution.
 
-    Λ and ξ are complementary by choice (open, closed; stick, slip; at the bound a + μΛ_N), then c = ξ − G Λ; G has full
-    rank and is nearly diagonal, so the solution is unique.
+    Λ and ξ are chosen to be complementary (open, closed; stick, slip; at the bound a + μΛ_N), and c = ξ − G Λ. G has
+    full rank and is nearly diagonal, so the solution is unique.
     """
     one = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
     n, t, s = LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION

@@ -76,7 +76,7 @@ def _scaled(plain: ContactProblem, dim: int, sensitivity: float) -> ContactProbl
     known = plain.answer
     assert known is not None
     assert known.velocity is not None
-    # the residual is relative to the free velocity of the ground contact, whose scale is 1; all others are zero. The
+    # the residual is relative to the free velocity of the ground contact, the only nonzero one; its scale is 1. The
     # velocity error of a contact of small scale may therefore be larger by the inverse of that scale
     answer = Answer(
         impulses=(known.impulses[0] / scales,),

@@ -6,16 +6,17 @@ make this bound arbitrarily large, whatever ξ is. Here the rounding errors of a
 
     a x = p + e,   s + p = s' + d   exactly,   with p, s' rounded,
 
-with e and d added to a second number, a sum of at most 2n terms of size u Σ|a_j x_j|. Its rounding error is below
-N ε Σ(|e_j| + |d_j|), with ε = 2u and N > n, and zero if the sum is exact.
+for each product a x and the running sum s. A second number is the sum of all e and d, at most 2n terms of size
+u Σ|a_j x_j|. Its rounding error is below N ε Σ(|e_j| + |d_j|), with ε = 2u and N > n, and zero if the sum is exact.
 
-G = Wᵀ M⁻¹ W chains three such products. Each takes the pair of numbers and the error bound of the previous one. So
+G = Wᵀ M⁻¹ W chains three such products. Each takes the pair of numbers and the error bound of the previous one. The
+computed ξ̂ satisfies
 
     |ξ̂ − ξ|  ≤  u|ξ| + h,   h ≤ (N ε)² (|Wᵀ| |M⁻¹| |W| |Λ| + |c|),
 
-with N at least the number of terms in the longest rows of Wᵀ, M⁻¹ and W together, and |G| |Λ| for a given G. The first
-part is the rounding of the result itself, which cannot turn a velocity into zero; h is returned. In plain arithmetic
-(N ε)² is replaced by N u.
+with N at least the number of terms in the longest rows of Wᵀ, M⁻¹ and W together. For a given G, |G| |Λ| replaces the
+product. The first part is the rounding of the result itself, which cannot turn a velocity into zero; h is returned. In
+plain arithmetic, N u replaces (N ε)².
 """
 
 from fractions import Fraction
@@ -77,7 +78,7 @@ _fused: Any = _fused_product if getattr(config, "DISABLE_JIT", 0) else intrinsic
 
 @njit(cache=True, inline="always")
 def _plus(high, low, lost, a, x, rest):  # type: ignore[no-untyped-def]
-    """Return high + low + a (x + rest) as two numbers, and ``lost`` plus the sizes of the terms of the second one."""
+    """Return high + low + a (x + rest) as two numbers, and ``lost`` plus the sizes of the new terms of the second."""
     product, beside = a * x, a * rest
     error = _fused(a, x, -product)
     total = high + product
@@ -89,7 +90,7 @@ def _plus(high, low, lost, a, x, rest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _underflow(a, x):  # type: ignore[no-untyped-def]
-    """Return the possible error of a x by underflow, without a branch, since zeros cannot be predicted."""
+    """Return a bound on the underflow error of a x, without a branch, because zeros would make it unpredictable."""
     return LEAST * ((abs(a * x) < SMALL) & (a != 0.0) & (x != 0.0))
 
 

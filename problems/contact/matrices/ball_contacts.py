@@ -1,7 +1,7 @@
 """Force directions of contacts between balls, as records of two balls and a normal.
 
 The arm of a ball to a contact point is its radius along the normal, so both W and G follow from the normal alone. With
-n from the second ball j to the first ball i, T1 and T2 as in ``contact_frame``, and σ = rω,
+n from the second ball j to the first ball i, T1 and T2 as in ``contact_frame``, moments of inertia J, and σ = rω,
 
     γ = v_i − v_j − (σ_i + σ_j) × n,      Λ ↦ P = Λ_N n + Λ_T1 T1 + Λ_T2 T2,
     v_i += P/m_i,   v_j −= P/m_j,   σ_i −= (r_i²/J_i) n × P,   σ_j −= (r_j²/J_j) n × P.
@@ -17,7 +17,7 @@ from .contact_frame import tangents, write_frame
 from .pieces import BallRecords, DeferredPieces
 
 WIDTH, LENGTH = 3, 6
-"""Rows of a contact with friction in space, and degrees of freedom of a ball there."""
+"""Rows of a contact with friction and degrees of freedom of a ball, in space."""
 
 
 class BallContacts(DeferredPieces):

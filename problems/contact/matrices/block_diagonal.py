@@ -163,7 +163,7 @@ def _blocks_of_size(size, order, starts, indptr, indices, data):  # type: ignore
 @interpretable
 @njit(cache=True)
 def _first_asymmetric(blocks):  # type: ignore[no-untyped-def]
-    """Return the first block that is not symmetric to rounding, −1 for none."""
+    """Return the index of the first block that is not symmetric up to rounding, or −1."""
     for b in range(len(blocks)):
         largest, skew = 0.0, 0.0
         for row in range(blocks.shape[1]):

@@ -231,7 +231,7 @@ def multiply_pieces(starts, chunks, pieces, n_chunks):  # type: ignore[no-untype
     row_starts = _row_starts(starts, chunks, chunk_starts, members, block_of_piece)
     columns = np.empty(row_starts[n_blocks], dtype=np.int32)
     values = np.zeros((row_starts[n_blocks], width, width))
-    place = np.full(n_blocks, -1, dtype=np.int64)  # position of block column j of the current block row
+    place = np.full(n_blocks, -1, dtype=np.int64)  # position of each block column in the current block row
     for block in range(n_blocks):
         begin = row_starts[block]
         end = begin + 1

@@ -109,12 +109,12 @@ class InverseMass:
         return product
 
     def root_times(self, vector: FloatArray) -> FloatArray:
-        """Return S x, M⁻¹ = S Sᵀ, shape (n_dofs,)."""
+        """Return S x with M⁻¹ = S Sᵀ, shape (n_dofs,)."""
         product: FloatArray = self.root_diagonal * vector if self.is_diagonal else self.root @ vector
         return product
 
     def fresh(self) -> "InverseMass":
-        """Return a copy that shares no memory with this object; it also copies the root, if there is one."""
+        """Return a copy that shares no memory with this object and contains a copy of the root."""
         copy = InverseMass(self.matrix.copy(), None if self.mass is None else self.mass.copy())
         copy.__dict__["is_diagonal"] = self.is_diagonal
         if self.is_diagonal:
@@ -147,7 +147,7 @@ class Factors:
     Attributes:
         directions: W as given: scipy CSC, shape (n_dofs, n_rows), or in pieces, one block per contact.
         inverse_mass: M⁻¹.
-        free_motion: u_B + M⁻¹ h Δt, the velocity without contacts, shape (n_dofs,), or ``None``.
+        free_motion: u_B + M⁻¹ h Δt with forces h, the velocity without contacts, shape (n_dofs,), or ``None``.
     """
 
     directions: sp.csc_array[Any] | Pieces

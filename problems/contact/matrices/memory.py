@@ -31,7 +31,7 @@ _DROPPABLE = ("active_file", "inactive_file", "slab_reclaimable")
 
 
 def require_memory(needed: float, purpose: str, remedy: str) -> None:
-    """Raise ``InsufficientMemoryError`` if more bytes are needed than available.
+    """Raise ``InsufficientMemoryError`` if more bytes are needed than are available.
 
     Args:
         needed: memory that is needed in addition to the memory of this process [bytes].
@@ -131,7 +131,7 @@ def _droppable_bytes(group: Path) -> int:
 
 
 def _address_bytes() -> float:
-    """Return the memory available under the address space limit (``ulimit -v``), which measured cases have."""
+    """Return the memory available under the address space limit (``ulimit -v``), which measurements set."""
     try:
         import resource  # systems other than Unix have no such limit
 

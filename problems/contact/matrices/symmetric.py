@@ -31,7 +31,7 @@ MAX_DENSE_ROWS = 64
 """Largest number of rows for which all eigenvalues are computed instead of Ritz values."""
 
 BREAKDOWN_TOLERANCE = 1e-12
-"""Lanczos' method ends if the norm of a new vector is below this fraction of the largest Ritz value."""
+"""Lanczos' method stops if the norm of a new vector is below this fraction of the largest Ritz value."""
 
 
 def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array[Any]:

@@ -117,7 +117,8 @@ class Group:
         """Return a text as one line of at most ``MAX_TEXT_LENGTH`` printable characters; empty if there is no text.
 
         Raises:
-            ContainerError: if the data set is not a single string, or keeps its data outside the file or compressed.
+            ContainerError: if the data set is a link or not a single string, or keeps its data outside the file, in
+                chunks or compressed.
         """
         if name not in self:
             return ""

@@ -10,8 +10,8 @@ those of ``laws``. The symbols of Proxbench, on the left sides, correspond to th
     global   ξ = (u, 0),  Λ = (r, λ),  W = [H, G],  c = (Hᵀ M⁻¹ f + w, Gᵀ M⁻¹ f + b),
              free motion M⁻¹ f,  velocity after the step v = M⁻¹ (f + H r + G λ)
 
-Like ξ, u is γ_E + ε γ_B in Newton's impact law. The terms with the relative velocities γ_B before the step are
-included in q or w.
+Like ξ, u is γ_E + ε γ_B in Newton's impact law, with the relative velocities γ_B before and γ_E after the step. The
+terms with γ_B are included in q or w.
 """
 
 from dataclasses import replace

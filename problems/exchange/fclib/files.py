@@ -34,7 +34,7 @@ def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefi
         path: the file.
         symmetry: how an asymmetric matrix A is read, W or R of a local problem or M of a global one.
             "mean" takes (A + Aᵀ)/2 if |A − Aᵀ| is at most 1 % of the largest |A|; "lower" and "upper" take
-            one triangle and ignore the other; "keep" leaves W unchanged; "refuse" raises. The provenance records
+            one triangle and ignore the other; "keep" leaves W or R unchanged; "refuse" raises. The provenance records
             the asymmetry and the remedy.
         indefinite: how a W with a negative eigenvalue is read. "refuse" raises; "project" takes the nearest
             semidefinite matrix, for eigenvalues up to 1e-6 of the largest one.
@@ -84,7 +84,8 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
         impulses: Λ [N s], shape (n_rows,), to be stored as the solution; the known solution if None.
 
     Raises:
-        ProblemError: if FCLIB has no such laws, the name has a different ending, or the file cannot be written.
+        ProblemError: if FCLIB has no such laws, the impulses have the wrong shape or are not finite, the name has a
+            different ending, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:

@@ -27,7 +27,7 @@ def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.
 
     Args:
         group: the group that contains its arrays.
-        shape: required numbers of rows and columns. Vectors of these lengths exist, so that a file cannot demand a
+        shape: required numbers of rows and columns. The file contains vectors of these lengths, so it cannot demand a
             matrix of absurd size.
 
     Raises:
@@ -58,7 +58,7 @@ def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.
 
 
 def stored_matrix(matrix: sp.csr_array[Any] | sp.csc_array[Any], kind: int) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a group; ``kind`` is one of the three values of nz."""
+    """Return the arrays of a group; ``kind`` is TRIPLETS, COLUMNS or ROWS."""
     if kind == TRIPLETS:
         entries = sp.csc_array(matrix).tocoo()
         indices, pointers, values, nz = entries.row, entries.col, entries.data, entries.nnz

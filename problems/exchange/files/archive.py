@@ -24,7 +24,7 @@ _UNPACKING_ERRORS = (*DAMAGE_ERRORS, EOFError, MemoryError, zipfile.BadZipFile, 
 
 
 class ArchiveError(ValueError):
-    """A file is not a readable .npz file; the message is the reason, a clause about the file."""
+    """A file is not a readable .npz file; the message is a clause that states the reason."""
 
 
 def read_arrays(source: Path | IO[bytes]) -> dict[str, NDArray[Any]]:

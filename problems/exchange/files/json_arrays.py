@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .archive import MAX_ARCHIVE_BYTES, ArchiveError
 
 SUFFIX = ".json"
-"""Suffix of such files."""
+"""Suffix of these files."""
 
 _INTEGERS = (".indices", ".indptr", ".shape")
 """Suffixes of the names of integer arrays, which may be empty."""
@@ -22,7 +22,7 @@ def read_json(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
     Raises:
         ArchiveError: if the file exceeds ``MAX_ARCHIVE_BYTES`` or is not a JSON object, or a value is not an array of
-            numbers.
+            numbers or strings.
         OSError: if the file cannot be read.
     """
     if path.stat().st_size > MAX_ARCHIVE_BYTES:

@@ -10,9 +10,9 @@ units, D = P G P and v_f = P c. Dump them before the solve, which adds its penal
 belong to joints (njc), bounded multipliers (nbc), limits (nl) and contacts (nc), with T1, T2, N for each contact. A
 bounded multiplier is the friction or the limited effort of a joint, |λ| ≤ b; its bounds are b/P.
 
-The compliance R [1/kg], shape (n,), is physical: D = P (G + diag R) P. It lets a contact or limit approach at −R λ, so
-v_plus = (G + diag R) λ + c is not the velocity after the step. The problem has G, and thus hard contacts; Kamino's own
-model is G + diag R with Coulomb friction.
+The compliance R [1/kg], shape (n,), is physical: D = P (G + diag R) P. It lets a contact or limit approach at the
+velocity −R λ, so v_plus = (G + diag R) λ + c is not the velocity after the step. The problem has G, and thus hard
+contacts; Kamino's own model is G + diag R with Coulomb friction.
 
 Arrays may be longer than their content, as Kamino allocates them; lambdas are physical impulses [N s]. Source: Newton
 1.8.0, ``newton/_src/solvers/kamino/_src/dynamics/dual.py``, a private interface.

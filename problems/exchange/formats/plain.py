@@ -33,7 +33,7 @@ from ..stored_solution import with_stored_solution
 Arrays = Mapping[str, NDArray[Any]]
 
 VERSION = 1
-"""Newest version of the names above."""
+"""Newest version of the names in the module docstring."""
 
 CSR_PARTS = ("data", "indices", "indptr")
 """Names of the three arrays of G in CSR."""
@@ -121,7 +121,7 @@ def problem_of_delassus(
         matrix, notes, is_asymmetric = repair.delassus(sp.csr_array(sp.csr_array(matrix)[order][:, order]))
         attributes: dict[str, Any] = {"provenance": provenance | notes, "allow_asymmetric": is_asymmetric}
     else:
-        attributes = {"provenance": provenance}  # ``from_delassus`` raises
+        attributes = {"provenance": provenance}  # ``from_delassus`` rejects the matrix
     given = (mu, dim) if laws is None else ()
     return ContactProblem.from_delassus(matrix, _in_order(c, order), *given, laws=laws, **attributes)
 

@@ -11,7 +11,7 @@
 ``time_step``            h [s]
 ``body_1``, ``body_2``   index of the two bodies of each contact, −1 for a fixed one, shape (n_contacts,)
 ``point``                contact points on body 2 [m], shape (n_contacts, 3)
-``point_1``              those on body 1, if the engine has two; ``point`` if left out
+``point_1``              contact points on body 1, if they differ; ``point`` if left out
 ``normal``               unit normals from body 1 to body 2, shape (n_contacts, 3)
 ``mu``                   friction coefficient, one number or shape (n_contacts,)
 ``restitution``          ε, one number or shape (n_contacts,); 0 if left out

@@ -43,7 +43,7 @@ class PluginFile:
         """Read a plugin file without running it.
 
         Raises:
-            PluginError: if the file does not exist, cannot be read, or is not a text.
+            PluginError: if the file does not exist, cannot be read, or contains binary data.
         """
         absolute = Path(path).expanduser().resolve()
         try:

@@ -53,7 +53,7 @@ class Offer:
         source: name of the plugin in messages.
         get: imports the plugin and returns the class or function.
         file: the plugin file, None for a package.
-        rejection: why the name cannot be used, a sentence; empty if it can.
+        rejection: a sentence that states why the name cannot be used; empty if it can.
     """
 
     kind: Kind
@@ -85,7 +85,7 @@ def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
     """Return all offers of plugins of one kind, including rejected ones with the reason.
 
     Args:
-        kind: solvers, problems or scenes.
+        kind: "solver", "problem" or "scene".
         taken: names that Proxbench itself uses.
     """
     found = [*_from_files(kind), *_from_packages(kind)]

@@ -5,8 +5,8 @@ Only friction can rotate a ball. Without it, a ball has no rotational degrees of
     spatial    u = (v, ω) ∈ R⁶, rows N, T1, T2        without friction u = v ∈ R³, row N
     planar     u = (v, ω) ∈ R³, rows N, T             without friction u = v ∈ R², row N
 
-A cell list finds the contacts. Their force directions are stored as pieces of W, one or two per contact, without a
-dense matrix.
+A cell list finds the contacts. Their force directions are stored as pieces of W, two per contact, without a dense
+matrix.
 """
 
 from collections.abc import Callable, Sequence
