@@ -152,7 +152,7 @@ def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline:
 
 
 def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
-    """Print the tables of some problems of a run; return 1 if their cases failed or are missing, or a file is damaged.
+    """Print the tables of some problems; return 1 if one of their cases failed or is missing, or a file is damaged.
 
     Raises:
         BenchError: if the run has no such problem.

@@ -158,7 +158,7 @@ def _fork_copy(pipe: int) -> bool:
 
 
 def exit_reason(status: int, output: int, start: int) -> str:
-    """Return how a process ended, with the last line of its output if it exited (after a signal, it is part of a stack).
+    """Return how a process ended, with the last line of its output if it exited (a signal leaves a stack there).
 
     Args:
         status: its wait status.
