@@ -25,7 +25,7 @@ KINDS = ("solvers", "suites", "scenes", "problems")
 """Kinds of entries that can be listed."""
 
 MAX_SHOWN_MEMBERS = 4
-"""Number of members of a suite that a summary names."""
+"""Largest number of members of a suite that a summary names."""
 
 Row = dict[str, Any]
 

@@ -44,7 +44,7 @@ def run_checks(
         on_check: called before every check, to show the progress.
 
     Returns:
-        For each solver or problem, a dict of kind, name, source, passed and checks. Each of its checks is a dict of
+        For each solver or problem, a dict with kind, name, source, passed and checks. Each check is a dict with
         check, promise, result ("passed", "failed" or "not applicable"), sentence and seconds.
 
     Raises:

@@ -31,7 +31,7 @@ _LOAD_KERNELS = b"K"
 """Message that requests the loading of all cached kernels; the server sends it back when they are loaded."""
 
 _N_DESCRIPTORS = 3
-"""Number of open files in a request: the pipe of the case, the orders of its supervisor, and its output file."""
+"""Number of open files in a request: the pipe of the case, the socket for orders, and the output file."""
 
 _END_SECONDS = 5.0
 """Time for the server to end before it is killed [s]."""

@@ -1,4 +1,4 @@
-"""Processes that compile the parts of ``proxbench warm`` at the same time."""
+"""Processes that compile the parts of ``proxbench warm`` in parallel."""
 
 import importlib
 import json

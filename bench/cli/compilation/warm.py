@@ -33,7 +33,7 @@ MAX_ITERATIONS, MAX_SECONDS = 60, 2.0
 """Limits of each solve, except those of demanding problems; compilation time does not count."""
 
 DEMANDING_SECONDS = 20.0
-"""Time limit of the solve of a demanding problem."""
+"""Time limit of each solve of a demanding problem [s]."""
 
 VARIANTS = ("SORprox(form='factors')", "SORprox(step_size='row_sum')")
 """Options that select other kernels."""
