@@ -23,7 +23,7 @@ N_CONTACTS = 20
 """Number of contacts of each random problem."""
 
 ATTEMPTS = 4
-"""Number of copies of a problem that are tried; a solver fails only if its first solve is slow on all of them."""
+"""Largest number of copies of a problem that are timed; a solver fails if its first solve is slow on all."""
 
 RATIO, ALLOWANCE_SECONDS = 3.0, 2e-4
 """Factor and time [s] by which a first solve, with cold caches, may take longer than repeated ones."""
