@@ -19,7 +19,7 @@ def list_names(
     from ..report.layout.text import print_json
     from .listing import listing_rows, print_listing
 
-    rows = listing_rows(kind, suite, name, has_sizes=bool(kind) or as_json)  # a list of all kinds counts the problems
+    rows = listing_rows(kind, suite, name, has_sizes=bool(kind) or as_json)  # a list of all kinds only counts problems
     if as_json:
         print_json(rows)
     else:

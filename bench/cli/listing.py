@@ -25,12 +25,12 @@ KINDS = ("solvers", "suites", "scenes", "problems")
 """Kinds of entries that can be listed."""
 
 MAX_SHOWN_MEMBERS = 4
-"""Number of members of a suite that a summary names."""
+"""Largest number of members of a suite that a summary names."""
 
 Row = dict[str, Any]
 
 MAX_NAME_WIDTH = 34
-"""Width of the column of problem names; longer names shift their row."""
+"""Largest width of the column of problem names; longer names shift their row."""
 
 NOT_GENERATED = "not generated yet"
 """Entry of a problem whose numbers are neither in the package nor in the cache folder."""
@@ -45,10 +45,11 @@ def listing_rows(kind: str = "", suite: str = "", name: str = "", has_sizes: boo
         kind: one of ``KINDS``; all kinds if empty.
         suite: suite whose problems to list; all problems if empty.
         name: single solver, suite, problem or scene to list, with or without options; all if empty.
-        has_sizes: add the sizes and laws of problems; generated problems and those of plugins are loaded for them.
+        has_sizes: add the sizes and laws of problems; this loads generated problems and those of plugins.
 
     Raises:
-        BenchError: for an unknown kind or name, with the nearest one, or a suite with a kind other than problems.
+        BenchError: for an unknown kind or name (the message suggests the nearest one), or a suite with a kind other
+            than problems.
         ProblemError: for an unknown suite.
     """
     if kind and kind not in KINDS:
@@ -142,7 +143,7 @@ def _solver_text(row: Row) -> str:
 
 
 def _suite_text(row: Row) -> str:
-    """Return the number of members of a suite, and the names of a few, evenly spaced."""
+    """Return the number of members of a suite, and the names of a few evenly spaced ones."""
     members = row["members"]
     shown = members[:: -(-len(members) // MAX_SHOWN_MEMBERS)]
     return f"{counted(len(members), 'problem')}: {', '.join(shown)}{', …' if len(shown) < len(members) else ''}"
@@ -258,7 +259,7 @@ def _plugin_row(offer: Offer, describe: Callable[[Offer], Row]) -> Row:
 
 
 def _row(name: str, source: str, describe: Callable[[], Row]) -> Row:
-    """Return a row: a name, its plugin, and additional fields; "error" is the reason if it cannot be used."""
+    """Return the row of an entry: name, plugin and further fields; "error" is the reason if it cannot be used."""
     try:
         return {"name": name, "source": source, "error": "", **describe()}
     except ProxbenchError as error:

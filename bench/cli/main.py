@@ -1,7 +1,7 @@
 """The command line: ``proxbench COMMAND``; ``proxbench -h`` lists the commands.
 
-Commands import slow libraries when they run, so that help appears immediately. Exit codes: 0 success, 1 a measured case
-failed, 2 wrong usage, 130 interrupted.
+Commands import slow libraries when they run, so that help appears immediately. Exit codes: 0 success, 1 a failed case
+or another negative result, 2 wrong usage, 130 interrupted.
 """
 
 import sys

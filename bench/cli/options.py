@@ -28,7 +28,7 @@ class Command(TyperCommand):
 
 
 class Group(TyperGroup):
-    """The group of all commands; its help page is as in ``Command``."""
+    """The group of all commands, whose help page omits types as in ``Command``."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, including the help option, without types."""
@@ -44,7 +44,7 @@ def _without_types(parameters: list[Any]) -> list[Any]:
 
 
 def examples(command: str, *arguments: str) -> str:
-    """Return the examples of a help page: a command with several arguments, one per line."""
+    """Return the examples of a help page: ``command`` with each of ``arguments``, one per line."""
     return "\n".join(["Examples:", *(f"  {command} {words}" for words in arguments)])
 
 
@@ -83,7 +83,7 @@ _OPTION_NAMES = {
 
 
 def option_name(name: str) -> str:
-    """Return the option of a parameter: ``"--run-id"``."""
+    """Return the option of a parameter, such as ``"--run-id"``."""
     return f"--{name.replace('_', '-')}"
 
 
@@ -179,7 +179,7 @@ Residual = Annotated[
     str,
     output(metavar="judged|local", help="Residual that reports use.", callback=_check_residual),
 ]
-"""Residual that defines an accuracy."""
+"""Residual by which reports measure accuracy."""
 
 
 def _check_view(name: str) -> str:

@@ -152,7 +152,7 @@ def report_page(run: "Run", quiet: bool, as_json: bool, residual: str, baseline:
 
 
 def print_problems(run: "Run", problems: Collection[str], as_json: bool, residual: str) -> int:
-    """Print the tables of some problems of a run; return 1 if one of their cases failed or is missing or damaged.
+    """Print the tables of some problems; return 1 if one of their cases failed or is missing, or a file is damaged.
 
     Raises:
         BenchError: if the run has no such problem.
@@ -191,7 +191,7 @@ def _report_damage(run: "Run") -> None:
 
 
 def _report_unfinished(frames: "RunFrames") -> None:
-    """Print which cases are missing or measured in part, for output without tables."""
+    """Print which cases are missing or only partly measured, for output without tables."""
     from ..store.condition import unfinished
 
     for sentence in unfinished(frames):

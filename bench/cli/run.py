@@ -95,12 +95,12 @@ def run(
                 shard=shard,
                 executor=executor,
             )
-    has_pictures = charts or (page and made.is_study)  # a study has no page
+    has_pictures = charts or (page and made.is_study)  # a study has charts instead of a page
     return report_run(made, has_pictures, quiet, as_json, residual, record=record, page=page)
 
 
 def _executor(dask: str) -> AbstractContextManager[Executor | None]:
-    """Return an executor on the cluster at an address; None for an empty address."""
+    """Return a context of an executor on the cluster at an address; it yields None for an empty address."""
     if not dask:
         return nullcontext()
     from ..measure.execution.cluster import dask_executor

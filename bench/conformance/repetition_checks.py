@@ -23,7 +23,7 @@ N_CONTACTS = 20
 """Number of contacts of each random problem."""
 
 ATTEMPTS = 4
-"""Number of problems that are tried; a solver fails only if it repeats stored answers on all of them."""
+"""Largest number of copies of a problem that are timed; a solver fails if its first solve is slow on all."""
 
 RATIO, ALLOWANCE_SECONDS = 3.0, 2e-4
 """Factor and time [s] by which a first solve, with cold caches, may take longer than repeated ones."""
@@ -49,7 +49,7 @@ def solves_each_time(solver: Solver) -> None:
 
 
 def _first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float, float]:
-    """Return the processor time of a first solve and the median time of repeated ones [s], on a copy in new units.
+    """Return the processor time of a first solve and the median one of repeated solves [s], on a copy in other units.
 
     Raises:
         Violation: if their results are not identical.

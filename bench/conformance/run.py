@@ -44,7 +44,7 @@ def run_checks(
         on_check: called before every check, to show the progress.
 
     Returns:
-        For each solver or problem, a dict of kind, name, source, passed and checks. Each of its checks is a dict of
+        For each solver or problem, a dict with kind, name, source, passed and checks. Each check is a dict with
         check, promise, result ("passed", "failed" or "not applicable"), sentence and seconds.
 
     Raises:
@@ -65,7 +65,7 @@ def run_checks(
 
 
 def _is_plugin_path(target: str) -> bool:
-    """Return whether a target is a plugin file; an existing file of another kind is refused as one.
+    """Return whether a target is a plugin file. Any other existing file counts as one, so that reading it fails.
 
     Raises:
         BenchError: if it is a shared library or a program.
@@ -124,7 +124,7 @@ def _subjects_by_name(target: str) -> list[dict[str, str]]:
         solver = solver_spec(target)
         return [{"kind": "solver", "name": solver.name, "source": solver.source}]
     if is_path(target):
-        load(target)  # raises an error that names what is wrong with the file
+        load(target)  # raises an error that describes the fault of the file
         return [{"kind": "problem", "name": target, "source": ""}]
     known = problem_names()
     if target not in known:

@@ -1,7 +1,7 @@
 """Tests of a solver on small problems, one for each requirement.
 
 A test uses the problems that the solver ``supports``. Tests on hard cases and on transformed problems are in other
-files; the list at the end of this file includes them.
+files; ``SOLVER_CHECKS`` includes them.
 """
 
 import ctypes
@@ -308,14 +308,14 @@ def _supported(solver: Solver) -> list[ContactProblem]:
 
 
 def _have_equal_results(one: Solution, other: Solution) -> bool:
-    """Return whether two solves give identical results; True if one of them reached the time limit."""
+    """Return whether two solves give identical results; True if either reached the time limit."""
     if Status.TIME_LIMIT in (one.status, other.status):
         return True
     return one.impulses.tobytes() == other.impulses.tobytes() and one.iterations == other.iterations
 
 
 def _printed(act: Callable[[], object]) -> str:
-    """Capture all output of this process to standard output and standard error, including that of native code."""
+    """Run ``act``; return its output on standard output and standard error, including that of native code."""
     try:
         sys.stdout.flush()
         sys.stderr.flush()

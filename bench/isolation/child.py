@@ -30,7 +30,7 @@ FORK_REQUEST = "in a copy"
 """Request to fork the process; its arguments are another request, which the fork answers."""
 
 MAX_FILE_BYTES = 2**24
-"""Largest size of a file that a case may write, including its captured output."""
+"""Largest size of a file that a case may write, including its captured output [bytes]."""
 
 MAX_TRACEBACK_LENGTH = 20_000
 """Largest number of characters that are sent from the end of a traceback."""
@@ -158,7 +158,7 @@ def _fork_copy(pipe: int) -> bool:
 
 
 def exit_reason(status: int, output: int, start: int) -> str:
-    """Return how a process ended, with the last line of its output if it exited (a signal prints a stack instead).
+    """Return how a process ended, with the last line of its output if it exited (a signal leaves a stack there).
 
     Args:
         status: its wait status.
@@ -202,7 +202,7 @@ def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
 
 
 def _limit(memory_bytes: int) -> None:
-    """Limit the size of files, and the address space to its present size plus ``memory_bytes``."""
+    """Limit the size of files, and the address space to its current size plus ``memory_bytes``."""
     _, allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
     largest = MAX_FILE_BYTES if allowed == resource.RLIM_INFINITY else min(MAX_FILE_BYTES, allowed)
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))

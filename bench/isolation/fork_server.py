@@ -28,10 +28,10 @@ _REQUEST = b"F"
 """Message with which a client sends the open files of a request."""
 
 _LOAD_KERNELS = b"K"
-"""Message that requests the loading of all cached kernels; the server returns it when they are loaded."""
+"""Message that requests the loading of all cached kernels; the server sends it back when they are loaded."""
 
 _N_DESCRIPTORS = 3
-"""Number of open files in a request: the pipe of the case, the orders of its supervisor, and its output file."""
+"""Number of open files in a request: the pipe of the case, the socket for orders, and the output file."""
 
 _END_SECONDS = 5.0
 """Time for the server to end before it is killed [s]."""
@@ -78,8 +78,8 @@ class SupervisorLink:
         """Wait up to ``seconds`` until the supervisor has ended.
 
         Returns:
-            The wait status of its case, None if it reported none, and whether a process of the case used nearly all its
-            memory.
+            The wait status of its case (None if it reported none), and whether a process of the case used nearly all
+            its memory.
         """
         while not self.is_gone and is_readable(self.orders.fileno(), seconds):
             report = b""
@@ -139,7 +139,7 @@ class _ServerClient:
         return None
 
     def load_kernels(self) -> None:
-        """Wait until the server has loaded all cached kernels or has ended."""
+        """Make the server load all cached kernels; wait until it has done so or has ended."""
         with contextlib.suppress(OSError):
             self._socket.send(_LOAD_KERNELS)
             if is_readable(self._socket.fileno(), START_SECONDS):
@@ -185,7 +185,7 @@ def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
 
 
 def load_kernels() -> None:
-    """Load all cached kernels of the framework in the server, if it runs, so that later cases have them in memory."""
+    """Load all cached kernels in the server, if it is running, so that later cases have them in memory."""
     with _lock:
         if _server is not None and _server.owner == os.getpid():
             _server.load_kernels()

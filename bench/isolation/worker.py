@@ -50,7 +50,7 @@ MAX_CONTENT_BYTES = 2**32
 """Largest size of the binary content of an answer [bytes]."""
 
 MAX_OUTPUT_LENGTH = 4000
-"""Number of characters of captured output that are kept with a failed case."""
+"""Largest number of characters of captured output that are kept with a failed case."""
 
 MAX_LIST_LENGTH = 16_000
 """Largest size of the list of extension modules that Python prints after a fatal signal [bytes]."""

@@ -277,7 +277,7 @@ def measure_ladder(
 
 
 def _begin(cases: Sequence[LadderCase[Any]]) -> None:
-    """Start cases in parallel, at most one per core; on an exception, end them immediately and raise it again."""
+    """Start at most ``MAX_PARALLEL_STARTS`` cases, and one per core, at a time; on an exception, end them and raise."""
     at_once = min(MAX_PARALLEL_STARTS, os.cpu_count() or 1)
     with ThreadPoolExecutor(at_once) as pool:
         begun = [pool.submit(case.begin) for case in cases]

@@ -45,7 +45,7 @@ def this_machine() -> Machine:
 
 
 def busy_seconds(except_cores: Set[int]) -> float:
-    """Return the busy time of all cores but ``except_cores`` since the system started [s]; 0 if these are unknown."""
+    """Return the busy time of all cores but ``except_cores`` since the system started [s]; 0 if that is empty."""
     if not except_cores:
         return 0.0
     others = [one for number, one in enumerate(psutil.cpu_times(percpu=True)) if number not in except_cores]

@@ -35,7 +35,7 @@ PROBE_NUMBERS = 50_000
 """Number of values in the array of 400 kB that a probe sums."""
 
 FIRST_PROBES = 40
-"""Number of probes before the first round, which determine the reference."""
+"""Least number of probes before the first round, from which the reference is first estimated."""
 
 CLAIM = "proxbench-core"
 """Prefix of the names of the sockets that claim cores."""
@@ -58,7 +58,7 @@ class MeasuringCore:
         number: number of the core; None if the system does not support affinity, or other runs have claimed every core.
         probes: wall times of all probes [s].
         allowed: numbers of the cores that this process may use.
-        busy_cores: mean number of other busy cores while this one was last occupied.
+        busy_cores: mean number of other busy cores while this one was last pinned.
     """
 
     number: int | None
@@ -70,7 +70,7 @@ class MeasuringCore:
 
     @staticmethod
     def claim() -> "MeasuringCore":
-        """Claim the core of the highest number that this process may use and no other run has claimed."""
+        """Claim the highest-numbered core that this process may use and no other run has claimed."""
         allowed = frozenset(_allowed_cores())
         for number in sorted(allowed, reverse=True):
             claim = _claim_socket(number)
@@ -102,7 +102,7 @@ class MeasuringCore:
                 os.sched_setaffinity(0, before)
 
     def cores(self, count: int) -> set[int]:
-        """Return at most ``count`` cores: this one, and those of the highest numbers that this process may use."""
+        """Return at most ``count`` cores: this one, and the highest-numbered others that this process may use."""
         others = sorted(self.allowed - {self.number}, reverse=True)[: count - 1]
         return set(others) if self.number is None else {self.number, *others}
 
@@ -131,7 +131,7 @@ class MeasuringCore:
             return True
 
     def probe(self) -> float:
-        """Return the wall time of a fixed computation [s], the second of two, with warm caches."""
+        """Run a fixed computation twice; return the wall time of the second run, with warm caches [s]."""
         self._run_probe()
         self.probes.append(self._run_probe())
         return self.probes[-1]

@@ -50,7 +50,7 @@ class Plan(Generic[Measured]):
 
     Attributes:
         record: the stored plan.
-        problems: names of problems that are loaded later, and problems; empty in a study.
+        problems: the problems, or their names if they are loaded later; empty in a study.
         solvers: the solvers; in a study, the steppers with solvers.
     """
 

@@ -84,6 +84,6 @@ def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
 
 
 def quartiles(values: FloatArray) -> Quartiles:
-    """Return the minimum, the quartiles and the median of times [s], shape (n,)."""
+    """Return the minimum, quartiles and median of times [s], shape (n,)."""
     low, first, median, third = map(float, np.quantile(values, (0.0, 0.25, 0.5, 0.75)))
     return Quartiles(min=low, q1=first, median=median, q3=third)

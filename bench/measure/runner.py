@@ -79,7 +79,8 @@ def resume_measuring(
 
     Raises:
         ProxbenchError: if the folder is not a run, its run.json is damaged, a name in it is unknown, a plugin file of
-            its solvers is not named, is missing or has changed, or the machine differs.
+            its solvers is not named, is missing or has changed, the version of the judge differs, or, without ``mix``,
+            the machine, versions or source differ.
         InterruptedRunError: on Ctrl-C.
     """
     store = Store.open(folder)

@@ -27,7 +27,7 @@ class Selection:
     """The problems of a run.
 
     Attributes:
-        problems: names of problems that are loaded later, and problems.
+        problems: the problems, or their names if they are loaded later.
         families: family of each problem, by name.
         suite: name of the suite; empty if the problems were named.
         left_out: a sentence for each file of a folder that cannot be measured.
@@ -121,7 +121,7 @@ def problem_name(problem: str | ContactProblem) -> str:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A candidate problem of the run, or its name if it is loaded later."""
+    """A candidate problem of the run; ``source`` is its name if it is loaded later."""
 
     name: str
     family: str
@@ -195,7 +195,7 @@ def _is_folder(given: Given, known: set[str]) -> bool:
 
 
 def _read(member: Member) -> ContactProblem:
-    """Return a problem of a folder, named like its file."""
+    """Return a problem of a folder, named after its file."""
     problem = load(member.path).renamed(member.name)
     try:
         check_numbers(problem)

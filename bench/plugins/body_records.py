@@ -69,7 +69,7 @@ class BodiesRecord(Record, frozen=True, kw_only=True):
         fixed: the fixed bodies.
         joints: the joints.
         has_friction: whether contacts have friction.
-        rolling_axes: rows of rolling friction; see ``RigidBodies``.
+        rolling_axes: number of rows of rolling friction; see ``RigidBodies``.
     """
 
     shapes: list[ShapeRecord]

@@ -168,7 +168,7 @@ def _plain_names(name: str) -> list[str]:
 def _ask(
     failure: str, error: type[ProxbenchError], request: str, *arguments: Any, seconds: float = REQUEST_SECONDS
 ) -> tuple[dict[str, Any], bytes]:
-    """Return the answer of a new process; raise ``error`` if it refuses, or with ``failure`` if it does not answer."""
+    """Return the answer of a new process; raise ``error`` if it refuses, and with ``failure`` if it gives no answer."""
     with RenewedWorker(DescribingTask(), seconds) as worker:
         try:
             answer, content = worker.ask(request, *arguments)

@@ -81,10 +81,10 @@ def matrix(
 
 
 def _table_file(output: Path) -> Path:
-    """Return the CSV file of the cells beside the page ``output``.
+    """Return the path of the CSV file of the cells, next to the page ``output``.
 
     Raises:
-        BenchError: if one of the two cannot be written, or they are the same file.
+        BenchError: if the page or the CSV file cannot be written, or both are the same file.
     """
     from ...errors import BenchError
     from ...report.layout.output_file import check_writable

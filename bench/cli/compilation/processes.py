@@ -1,4 +1,4 @@
-"""Processes that compile the parts of ``proxbench warm`` at the same time."""
+"""Processes that compile the parts of ``proxbench warm`` in parallel."""
 
 import importlib
 import json
@@ -22,11 +22,11 @@ from ...isolation.fork_server import ONE_THREAD
 from .shared_cache import share_cache
 
 Part = Callable[[], None]
-"""Calls of kernels, which compile them."""
+"""A function that calls kernels, so that numba compiles them."""
 
 
 class Compiled(NamedTuple):
-    """Number of kernels that all processes have compiled, and the longest time that one of them compiled [s]."""
+    """Number of compiled kernels, and compilation time [s]; with several processes, the longest time of one."""
 
     kernels: int
     seconds: float
@@ -42,10 +42,10 @@ def compile_here(parts: Sequence[Part]) -> Compiled:
 
 
 def compile_in_processes(parts: str, n_parts: int, n_processes: int) -> Compiled:
-    """Compile parts in several processes, which take the next part from one end of the list when they finish one.
+    """Compile parts in several processes; each takes its next part from one end of the list.
 
-    Half of the processes begin at the other end, so that one process compiles neighbours in the list, which have
-    kernels in common. The functions that numba generates for kernels are not cached; each process compiles its own.
+    Half of the processes use the other end, so that a process compiles neighbours in the list, which have kernels in
+    common. The functions that numba generates for kernels are not cached; each process compiles its own.
 
     Args:
         parts: the function that returns the parts, as ``module:name``.
@@ -69,7 +69,7 @@ def compile_in_processes(parts: str, n_parts: int, n_processes: int) -> Compiled
 
 
 def _start(parts: str, folder: str, announces: bool) -> "subprocess.Popen[str]":
-    """Start a process; only one of them announces that compilation takes long, unless this process is silent."""
+    """Start a process; with ``announces``, it reports a long compilation, unless this process is silent."""
     serving = f"serve({parts!r}, {folder!r}, announces={announces and not COMPILATION.is_silent})"
     return subprocess.Popen(
         [sys.executable, "-c", f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; {serving}"],
@@ -82,7 +82,7 @@ def _start(parts: str, folder: str, announces: bool) -> "subprocess.Popen[str]":
 
 
 def _compile_in(child: "subprocess.Popen[str]", take: Callable[[], int]) -> Compiled:
-    """Let a process compile parts until ``take`` raises IndexError, because none is left."""
+    """Let a process compile parts until none is left and ``take`` raises IndexError."""
     assert child.stdin is not None
     assert child.stdout is not None
     kernels, seconds = 0, 0.0
@@ -103,7 +103,7 @@ def _compile_in(child: "subprocess.Popen[str]", take: Callable[[], int]) -> Comp
 def serve(parts: str, folder: str, announces: bool) -> NoReturn:
     """Compile the parts whose numbers standard input names, and answer each with its ``Compiled`` on standard output.
 
-    It does not return: the process ends with its standard input.
+    This function never returns: the process ends when its standard input is closed.
 
     Args:
         parts: the function that returns the parts, as ``module:name``.
@@ -126,7 +126,7 @@ def serve(parts: str, folder: str, announces: bool) -> NoReturn:
 
 
 def _read_numbers(numbers: SimpleQueue[int]) -> None:
-    """Put the numbers from standard input into a queue; end this process when the other one has ended."""
+    """Put the numbers from standard input into a queue; end this process when the input is closed."""
     for line in sys.stdin:
         numbers.put(int(line))
     os._exit(0)

@@ -21,13 +21,13 @@ POLL_SECONDS = 0.01
 def share_cache(folder: Path) -> Callable[[], None]:
     """Let this process share numba's cache with others that call this function with the same folder.
 
-    Before a process compiles a kernel for a combination of types, it locks a file of ``folder``. The others wait, and
-    then load the kernel instead of compiling it again. Only one process at a time adds to an index: numba rewrites the
-    whole index of a function for each new combination of types, so entries that two processes add at once would be
+    Before a process compiles a kernel for a combination of types, it locks a file in ``folder``. Other processes wait,
+    and then load the kernel instead of compiling it again. Only one process at a time adds to an index: numba rewrites
+    the whole index of a function for each new combination of types, so entries that two processes add at once would be
     lost, or name the same file.
 
     Args:
-        folder: an existing folder for the locked files.
+        folder: an existing folder for the lock files.
 
     Returns:
         A function that releases the locks of kernels whose compilation has failed.
@@ -67,7 +67,7 @@ def share_cache(folder: Path) -> Callable[[], None]:
 
 
 def _name(cache: Any, types: Any) -> str:
-    """Return the name of the file that is locked for the index of a function or for a kernel of it."""
+    """Return the name of the lock file of a kernel, or of the index of its function."""
     return hashlib.sha256(f"{cache._cache_file._index_path} {types}".encode()).hexdigest()
 
 

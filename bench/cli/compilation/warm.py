@@ -27,13 +27,13 @@ MATRIX_PROBLEMS = ("hard-random-redundant", "hard-counterexample", "hard-disconn
 """Problems without factors."""
 
 DEMANDING_PROBLEMS = ("bodies-table-4-1e4", "bodies-train-10", "hard-tower-100")
-"""Problems on which composite solvers also use the methods that follow their first one."""
+"""Problems on which composite solvers also use methods after their first one."""
 
 MAX_ITERATIONS, MAX_SECONDS = 60, 2.0
-"""Limits of each solve, except those of demanding problems; the time to compile does not count."""
+"""Limits of each solve, except those of demanding problems; compilation time does not count."""
 
 DEMANDING_SECONDS = 20.0
-"""Time limit of the solve of a demanding problem."""
+"""Time limit of each solve of a demanding problem [s]."""
 
 VARIANTS = ("SORprox(form='factors')", "SORprox(step_size='row_sum')")
 """Options that select other kernels."""
@@ -62,7 +62,7 @@ Contacts occur with every stepper and every kind of body.
 """
 
 MAX_PROCESSES = 4
-"""Largest number of processes; with more, the slowest part decides, and each takes 0.7 GB of memory."""
+"""Largest number of processes; with more, the slowest part determines the time. Each takes 0.7 GB of memory."""
 
 
 def warm(
@@ -122,7 +122,7 @@ def _solve(name: str) -> None:
 
 
 def _judge() -> None:
-    """Judge impulses of problems of every kind by every model."""
+    """Judge zero impulses on problems of every kind under every kind of model."""
     import numpy as np
 
     from ....problems.contact.judge import judge

@@ -55,7 +55,7 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
 
 
 def _described(file: Path) -> tuple["Survey", dict[str, Any] | None]:
-    """Return the description of a file and, if it has the engine's model, the quality of its forces as JSON values."""
+    """Return the survey of a file and the quality of the engine's forces as JSON values (None without engine model)."""
     from ....problems.capture.files import has_step, read_step
     from ....problems.exchange.survey import survey
     from .capture import engine_quality
@@ -188,7 +188,7 @@ def _reader(
 def _apply(
     sources: Sequence[Path], files_of: Callable[[Path], Any], act: Callable[[Path, Path], Any]
 ) -> tuple[list[Any], list[str], int]:
-    """Return the results of ``act`` for the files with their sources, messages for failed files, and the exit code.
+    """Apply ``act`` to each file and its source; return results, messages for failed files, and the exit code.
 
     Raises:
         ProblemError: if the only file named on the command line fails, or a folder has no file.
@@ -211,7 +211,7 @@ def _apply(
 def _import_targets(
     sources: Sequence[Path], files_of: Callable[[Path], Any], output: Path, force: bool
 ) -> dict[Path, Path]:
-    """Return the problem file of each file; files of a folder keep their relative paths.
+    """Return the path of the problem file for each input file; files of a folder keep their relative paths.
 
     Raises:
         BenchError: if two files have the same target, a target exists and ``force`` is not given, or the output has the
@@ -328,7 +328,7 @@ def _print_written(digests: dict[str, str], broken: Sequence[str], quiet: bool, 
 
 
 def print_files(digests: Mapping[str, str], quiet: bool = False) -> None:
-    """Print problem files with their digests, which identify the problems in runs; with ``quiet``, without them."""
+    """Print problem files with the digests that identify the problems in runs; ``quiet`` omits the digests."""
     width = max((len(file) for file in digests), default=0)
     for file, digest in digests.items():
         print(file if quiet else f"{file:<{width}}  problem digest {digest[:16]}")

@@ -70,7 +70,7 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
 def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) -> int:
     """Print the tables of a stored simulation, and draw and record it; return its exit code, see ``_outcome``.
 
-    If nothing else shows why the code is 1, a message on standard error explains it.
+    With ``quiet``, a message on standard error explains a code of 1.
 
     Raises:
         FailedSimulationError: if a step failed.
@@ -109,7 +109,7 @@ def _outcome(simulation: Simulation) -> int:
 def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> int:
     """Print the table of a stored simulation, and draw its chart and recording again; return its exit code.
 
-    If they cannot be written, the table is still printed, and a message on standard error gives the reason.
+    If these files cannot be written, the table is still printed, and a message on standard error gives the reason.
 
     Args:
         file: result file of the simulation.
@@ -118,7 +118,7 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
         as_json: print one JSON document instead.
 
     Raises:
-        BenchError: if the file is missing, damaged or no result, a link for its files leads out of their folder, or
+        BenchError: if the file is missing, damaged or not a result, if one of its files is a link out of its folder, or
             with ``quiet`` if they cannot be written.
         FailedSimulationError: if a step failed.
     """
@@ -138,7 +138,7 @@ def record_simulation(file: Path, recording: Path, force: bool) -> None:
     """Write the recording of a stored simulation.
 
     Raises:
-        BenchError: if the file is missing, damaged or no result, or the recording exists or cannot be written.
+        BenchError: if the file is missing, damaged or not a result, or the recording exists or cannot be written.
     """
     _record(read_simulation(file), recording, force)
 

@@ -18,7 +18,7 @@ from .control import ControlSolve
 
 @dataclass(frozen=True)
 class JudgedAnswers:
-    """The judgement of all answers to one tolerance.
+    """The judgement of all answers at one tolerance.
 
     Attributes:
         outcome: the outcome of the point.
@@ -46,7 +46,7 @@ class JudgedAnswers:
 def judge_answers(
     problem: ContactProblem, model: Model, tolerance: float, status: Status, rows: Sequence[FloatArray]
 ) -> JudgedAnswers:
-    """Judge the answers to one tolerance.
+    """Judge the answers at one tolerance.
 
     Args:
         problem: the problem.

@@ -51,7 +51,7 @@ MAX_EXCLUDED_SECONDS = 0.2
 """Wall time of the excluded rounds of a point in a pass after which no other round follows [s]."""
 
 MAX_RESTS = 20
-"""Number of pauses in which processes of a solver may end; if one still runs afterwards, the solver has misbehaved."""
+"""Largest number of pauses in which processes of a solver may end; if one still runs then, the solver misbehaved."""
 
 
 @dataclass(frozen=True)
@@ -262,7 +262,7 @@ class Case(LadderCase[MeasuredRound]):
     def add_point(self, level: int, answers: list[MeasuredRound]) -> None:
         """Add one point of the ladder, and check its times by first solves in fresh processes.
 
-        In later passes, this happens only if the new rounds do not explain the time of the earlier first solves.
+        In later passes, check them only if the new rounds do not explain the time of the earlier first solves.
         """
         super().add_point(level, answers)
         self.points = keep_finest_impulses(self.points)
@@ -385,7 +385,7 @@ def _stored_contradiction(point: Point) -> tuple[int, int] | None:
 
 
 def _observed_contradiction(answer: dict[str, Any]) -> tuple[int, int] | None:
-    """Return the number of calls of the observer and the claimed iterations; None if they agree."""
+    """Return the number of observer calls and the claimed iterations; None if equal or invalid, or without calls."""
     calls, claimed = answer.get("calls"), answer.get("claimed")
     if type(calls) is not int or type(claimed) is not int or min(calls, claimed) < 0 or calls in (0, claimed):
         return None

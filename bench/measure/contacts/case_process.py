@@ -79,7 +79,7 @@ class Measurement:
     """One case in its process.
 
     Attributes:
-        problem: the present problem; for the warm-up, a perturbed copy.
+        problem: the current problem; for the warm-up, a perturbed copy.
         solver: the solver.
         before: state of the process before the solver was created.
         times_library: whether only the ``library_seconds`` of a prepared solver count, if it has them.
@@ -170,12 +170,12 @@ class Measurement:
     ) -> tuple[TimedRound, list[FloatArray]]:
         """Solve each of several problems once, the last from ``start``; return the round and the last impulses.
 
-        The problems are new to the process. Solves of its present problem warm its caches.
+        The problems are new to the process. Solves of its current problem warm its caches.
         """
         warm = replace(stop, max_seconds=min(stop.max_seconds, 2.0 * WARM_SECONDS))
         end = perf_counter() + WARM_SECONDS
         while True:
-            # read before the last solve, because reading files of the system displaces data in the caches
+            # read before the last solve, because reading system files displaces data in the caches
             before = ContextSwitches.now()
             self._solve(self.problem.fresh(), warm)
             if perf_counter() >= end:
@@ -273,7 +273,7 @@ class MeasuringTask:
         """Answer one request, given by its name and arguments.
 
         "supports"                          why the solver does not support the problem
-        "warm_up" (stop)                    run everything once
+        "warm_up" (stop)                    prepare and solve once
         "problem" (data)                    switch to another problem
         "observe" (stop, start)             iterates of one solve
         "round" (stop, seconds, start)      timed solves

@@ -1,6 +1,6 @@
 """Compare the clock in the process of a case with the processor time that the system counts.
 
-N solves in n rounds take P seconds on the clock; of the wall and processor time of each solve, the longer one counts.
+N solves in n rounds take P seconds on the clock; the longer of the wall and processor time of each solve counts.
 In addition, the harness creates a fresh problem for each solve, which takes about h seconds, measured here on the same
 core. The process of a case may use the processor time
 

@@ -2,7 +2,7 @@
 
 A process that has warmed up on a copy of the problem with another solution is forked. The fork solves the copy again
 until its caches are warm, then solves the problem for the first time, in new units (``variants``), and ends. Let t₁ be
-the time of such a first solve, and t that of repeated ones. Repetition explains
+the time of such a first solve, and t that of repeated ones. The repeated ones explain the first one if
 
     t₁ ≤ EXPLAINED_RATIO t + ALLOWANCE_SECONDS.
 
@@ -14,11 +14,11 @@ for the largest t, a note of the point gives their ratio (``notes``).
 A solver has misbehaved if the fastest first solve exceeds ``MAX_RATIO`` t + ``MAX_ALLOWANCE_SECONDS`` for the median
 t. A solver may load or compile something in its first solve, and the first run of any code is slow. Before a solver is
 accused, first solves are therefore repeated in forks that have solved copies to the same tolerance. All cached kernels
-are in their memory, among them those that only the timed solves have used. Copies may take fewer iterations than the
+are in their memory, including those that only the timed solves have used. Copies may take fewer iterations than the
 problem and run other code. If fewer than ``MIN_SIMILAR_COPIES`` of them take about as many, a solver is accused only if
-a solve after solves of the problem in several other units is slow as well; all these solves run the same code. A solver
-that stores answers for any units and counts iterations wrongly is thus only noted. Only solves during which no other
-program used the core count against a solver, and more than half of ``MAX_SLOW_SOLVES`` of them are needed.
+solves after those of the problem in several other units are slow as well; all these solves run the same code. A solver
+that stores answers for all units and miscounts its iterations therefore only gets a note. Only solves during which no
+other program used the core count against a solver. More than half of ``MAX_SLOW_SOLVES`` of them are needed.
 """
 
 import time
@@ -48,10 +48,10 @@ MIN_FAST_SOLVES = 2
 """Least surplus of first solves within the bound over those beyond it; 1 suffices for a long solve."""
 
 LONG_SECONDS = 0.02
-"""A solve of at least this time is long, and varies less [s]."""
+"""Time above which a solve counts as long, and its time varies less [s]."""
 
 MAX_SLOW_SOLVES = 4
-"""Largest permitted surplus of first solves beyond the bound over those within it."""
+"""Surplus of first solves beyond the bound over those within it that ends them; also the size of further series."""
 
 MAX_SOLVES = 9
 """Largest number of first solves of a point."""
@@ -60,7 +60,7 @@ MAX_RATIO, MAX_ALLOWANCE_SECONDS = 1.5, 2e-4
 """Factor and time [s] by which first solves must exceed repeated ones to prove a repeated answer."""
 
 MAX_LOADED_COPIES = 2
-"""Number of first copies after each of which, if it is slow, cached kernels are loaded; the first may compile some."""
+"""Number of first copies after which cached kernels are loaded if the copy is slow; the first may compile some."""
 
 N_COPIES, MAX_WARM_UPS = 2, 8
 """Least and largest number of problems that a fork solves before a further first solve, to run the same code."""

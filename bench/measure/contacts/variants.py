@@ -1,19 +1,19 @@
 """Variants of a problem that are as hard for an honest solver as the problem itself.
 
-``in_other_units`` changes every number but no operation: with powers of two, G → m G, c → s c, Λ → (s/m) Λ preserve the
-digits of every floating-point operation (moments of rolling friction scale with a further factor of length). The
-exponent of m is even, because solvers take roots of masses.
+``in_other_units`` changes every number but no operation: with powers of two m and s, G → m G, c → s c, Λ → (s/m) Λ
+preserve the digits of every floating-point operation (moments of rolling friction scale with a further factor of
+length). The exponent of m is even, because solvers take roots of masses.
 
 ``perturbed_copy`` is another problem of similar difficulty, with matrices of the same sizes. With P the cyclic shift of
 the contacts and random η,
 
-    G' = Pᵀ G P,      c' = Pᵀ (c + G η),      η_i = s u_i ‖c_k‖ / α_i,      u_i uniform in [-1, 1],
+    G' = Pᵀ G P,      c' = Pᵀ (c + G η),      η_i = σ u_i ‖c_k‖ / α_i,      u_i uniform in [-1, 1],
 
-for row i of contact k, where α_i is the diagonal entry of G and ‖c_k‖ the largest |c| of the contact. The copy is in
-other units. The shift of c is in the range of G, so that a solvable problem remains solvable even with redundant
-contacts. Contacts keep their neighbours, and thus the memory access pattern.
+for row i of contact k, where σ is the relative shift, α_i the diagonal entry of G and ‖c_k‖ the largest |c| of the
+contact. The copy is in other units. The shift of c is in the range of G, so that a solvable problem remains solvable
+even with redundant contacts. Contacts keep their neighbours, and thus the memory access pattern.
 
-``disguised_copy`` also has rotated tangents, G'' = Qᵀ G' Q and c'' = Qᵀ c'. Its shift s is so small that solvers need
+``disguised_copy`` also has rotated tangents, G'' = Qᵀ G' Q and c'' = Qᵀ c'. Its shift σ is so small that solvers need
 about as many iterations, but so large that a stored answer does not solve it.
 """
 
@@ -27,19 +27,19 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.transformations import TransformedProblem, in_units, permuted, rotated
 
 MASS_EXPONENTS = (2, 4, 6)
-"""Even powers of two from which m, or its inverse, is drawn."""
+"""Even exponents of two from which m, or its inverse, is drawn."""
 
 SPEED_EXPONENTS = tuple(range(1, 9))
-"""Powers of two from which s, or its inverse, is drawn."""
+"""Exponents of two from which s, or its inverse, is drawn."""
 
 SHIFT = 0.2
-"""s of a perturbed copy, large enough that its solution is not a good start for the problem."""
+"""Shift σ of a perturbed copy, large enough that its solution is not a good start for the problem."""
 
 SMALL_SHIFT = 0.02
-"""Least s of a disguised copy."""
+"""Least shift σ of a disguised copy."""
 
 SHIFT_PER_TOLERANCE = 20.0
-"""Least ratio of s to the tolerance of a solve, so that an answer of the problem fails on the copy."""
+"""Least ratio of σ to the tolerance of a solve, so that an answer of the problem fails on the copy."""
 
 
 def in_other_units(problem: ContactProblem) -> TransformedProblem:

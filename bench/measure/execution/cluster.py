@@ -41,4 +41,4 @@ def dask_executor(address: str) -> Iterator[Executor]:
             raise BenchError(
                 f"there is no dask cluster with workers at {address} ({why}); start it, or use another address."
             ) from None
-        yield client.get_executor(pure=False)  # a repeated task has a different key
+        yield client.get_executor(pure=False)  # gives a repeated task a different key

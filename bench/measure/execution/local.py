@@ -75,7 +75,7 @@ class LocalExecutor(RunExecutor):
         self._write_run(self._record)
 
     def _cases_of_pass(self, name: str, case_pass: CasePass) -> list[LadderCase[Any]]:
-        """Return the cases of a problem that a pass measures, shuffled."""
+        """Return the cases of a problem that a pass measures; those of a contact problem are shuffled."""
         record, known, plan = self._record, self._cases[name], self._record.plan
         left = set(plan.solvers) - self._finished_solvers(name)
         if plan.trajectories:

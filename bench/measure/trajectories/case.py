@@ -1,6 +1,6 @@
 """Measure a stepper with a solver on a trajectory, in a child process; each round simulates one member.
 
-Members are the seeds of a scene, or factors of the steps or tolerances.
+Members are the seeds of a scene, or factors on its steps or tolerances.
 """
 
 import math
@@ -29,7 +29,7 @@ class SimulationRound(TimedRound, frozen=True, kw_only=True):
         steps: number of its steps, which are timed one by one, without judging and recording.
         unsolved: number of steps that are not solved to the tolerance, as judged.
         overlapping: number of steps after which the projection of positions leaves deeper overlaps than its tolerance.
-        values: final values by name; empty if it is incomplete.
+        values: final values by name; empty if the simulation is incomplete.
     """
 
     steps: Count
@@ -70,7 +70,7 @@ class TrajectoryCase(LadderCase[Member]):
         stored: CaseRecord | None,
         case_pass: CasePass,
     ) -> None:
-        """Store what to measure and previous measurements; limits of a solve apply to one simulation."""
+        """Store the subject and its previous measurements; limits of a solve apply to one simulation."""
         super().__init__(method.record.values, limits, stored, case_pass)
         self.problem, self.method = problem, method
 
@@ -100,7 +100,7 @@ class TrajectoryCase(LadderCase[Member]):
         return len(answers) < len(self.problem.members) and answers[-1].run.status is not Status.TIME_LIMIT
 
     def point(self, value: float, answers: list[Member]) -> Point:
-        """Compute the error over the members."""
+        """Return a point with the errors over all members."""
         runs = dict(zip(self.problem.members, answers, strict=False))
         good = {member: one.run for member, one in runs.items() if one.run.status is Status.SOLVED}
         failed = [one.run for one in answers if one.run.status is not Status.SOLVED]

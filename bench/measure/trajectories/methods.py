@@ -27,7 +27,7 @@ RESOLUTION = 100.0
 """Ratio of the tolerance of a variable stepper to its default minimal step in seconds."""
 
 ITERATIONS = 20_000
-"""Iteration limit of the solver in a one-step inclusion."""
+"""Iteration limit of each one-step solve."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Method:
     solver: SolverSpec
 
     def with_start(self, start: str) -> "Method":
-        """Return the method with another start; a stepper without initial impulses keeps its start.
+        """Return the method with another start; a stepper that does not use initial impulses starts cold.
 
         Raises:
             BenchError: for an unknown start; the message suggests the nearest name.
@@ -70,7 +70,7 @@ class Method:
 
 
 def solver_method_name(solver: SolverSpec, stepper: str) -> str:
-    """Return the name of the method in which the solver varies."""
+    """Return the name of the method in which the tolerance of the solver varies."""
     return f"{solver.name}{IN}{stepper}"
 
 

@@ -32,7 +32,7 @@ ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-6)
 """Errors for which tables give the time."""
 
 POUR_ACCURACIES = (1e-1, 3e-2, 1e-2)
-"""Errors for which tables of pours give the time."""
+"""Errors for which tables give the time, in scenes of balls over several seeds."""
 
 
 def make_study_plan(

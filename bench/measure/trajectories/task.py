@@ -25,7 +25,7 @@ from ...simulation.trajectory import Simulation
 from .methods import Method, scaled_stepper
 
 MAX_SOLVES = 10_000
-"""Largest number of one-step solves of a variable step; with a coarse solver, states of laws may alternate forever."""
+"""Largest number of solves of a variable stepper; with a coarse solver, states of laws may alternate forever."""
 
 
 @dataclass
@@ -46,7 +46,7 @@ class TrajectoryTask:
         if request == "known":
             return self._known(), b""
         value, member = arguments
-        # compiling has only the time limit of the case; the whole motion is simulated, to have contacts of all kinds
+        # the warm-up has no time limit but that of the case; the whole motion has contacts of all kinds
         task = replace(self, seconds=math.inf) if request == "warm_up" else self
         try:
             return task._simulated(value, member), b""
@@ -54,7 +54,7 @@ class TrajectoryTask:
             return {"unsupported_reason": str(error)}, b""
 
     def _known(self) -> dict[str, Any]:
-        """Return the exact end of the motion (empty if unknown), its start, and its length."""
+        """Return the exact end of the motion (empty if unknown), its start, and the reference length of the scene."""
         scene, measure, duration = self._scene(self.problem.members[0]), self.problem.measure, self.problem.duration
         recorder = MotionRecorder(scene)
         start = measure.values(recorder, duration)

@@ -1,4 +1,4 @@
-"""Descriptions of scenes that every engine builds: balls and cubes of one friction coefficient, above static boxes.
+"""Descriptions of scenes that every engine builds: balls and cubes with one friction coefficient, above static boxes.
 
 Bodies are homogeneous. They do not rebound, their motion is not damped, and friction resists neither rolling nor
 spinning.
@@ -128,7 +128,7 @@ class Description:
     def energy_gained(self, motion: Motion) -> float:
         """Return the energy gained from frame to frame, divided by Σ m g L; it is 0 for rigid bodies with friction.
 
-        The energy is T + V, with T = Σ (m v² + I ω²) / 2 and V = −Σ m g·x. Contacts only dissipate.
+        The energy is T + V, with T = Σ (m v² + I ω²) / 2 and V = −Σ m g·x; L is ``length``. Contacts only dissipate.
         """
         mass, inertia = (np.array([getattr(body, name) for body in self.bodies]) for name in ("mass", "inertia"))
         gravity = np.array(self.gravity)

@@ -129,7 +129,7 @@ def _residual_of_robust(one: SolvedProblem) -> float:
 
 
 def stay_on_one_core() -> None:
-    """Restrict this process to one core, if possible, because threads that hand over work would otherwise wait."""
+    """Restrict this process to one core, if possible; otherwise threads that exchange work wait for each other."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
 

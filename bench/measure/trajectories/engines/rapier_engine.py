@@ -107,7 +107,7 @@ class RapierEngine:
 
 
 def _explains(solved: SolvedProblem, after: BodyStates) -> bool:
-    """Return whether u_f + M⁻¹ W Λ are the velocities after the step, up to ``VELOCITY_ERROR`` of their change."""
+    """Return whether M⁻¹ W Λ equals the final minus the free velocities, up to ``VELOCITY_ERROR`` of the difference."""
     factors = solved.problem.factors
     assert factors is not None
     assert factors.free_motion is not None
