@@ -139,8 +139,9 @@ def resumable_simulation(
 def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     """Take the remaining steps, and write the result file at intervals and at the end.
 
-    Numerical libraries use one thread meanwhile, as in measured cases. The rounding of long sums would depend on the
-    number of threads, and threads of OpenBLAS use their cores for a tenth of a second after each sum.
+    Numerical libraries use one thread meanwhile, as in measured cases. Otherwise, the rounding of long sums would
+    depend on the number of threads, and threads of OpenBLAS would use their cores for a tenth of a second after each
+    sum.
 
     Raises:
         InsufficientMemoryError: if the available memory does not suffice for a step and the states to keep.
@@ -178,8 +179,8 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
 def _require_memory(simulation: Simulation) -> None:
     """Raise ``InsufficientMemoryError`` if the available memory does not suffice for the states and for a step.
 
-    The states still to be kept are positions and velocities; their impulses are not counted. Writing the result file
-    copies all states.
+    Positions and velocities of the states still to be kept are counted, but not their impulses. Writing the result
+    file copies all states.
     """
     plan, state = simulation.plan, simulation.state
     scene, step = plan.scene, plan.stepper.resolution(plan.scene)
