@@ -182,9 +182,9 @@ def other_threads_note(frames: RunFrames, solvers: Iterable[str], baseline: str 
 
 
 def baseline_of(frames: RunFrames, name: str = "") -> str:
-    """Return the reference solver of speed-ups: ``name``, or the one that solves the most to the finest accuracy.
+    """Return the reference solver of speed-ups: ``name`` if given.
 
-    Unless it is named, it is one of the solvers with the fewest threads.
+    Otherwise, it is the one that solves the most problems to the finest accuracy, among those with the fewest threads.
 
     Raises:
         BenchError: if the run has no case of ``name``, or no case at all.

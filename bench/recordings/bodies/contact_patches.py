@@ -12,7 +12,7 @@ NO_PATCHES = rr.LineStrips3D([])
 
 
 def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: States) -> rr.LineStrips3D:
-    """Return the patch of each pair of bodies with two or more contacts as a closed line.
+    """Return the patches of pairs of bodies with two or more contacts as closed lines.
 
     A patch sticks if one of its contacts sticks.
 
