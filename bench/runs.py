@@ -80,7 +80,7 @@ class Run(RunFrames, os.PathLike[str]):
         Args:
             charts: draw charts.
             residual: "judged", or "local" (relative to the surroundings of each contact); that of the run if None.
-            baseline: solver that speed-ups relate to; the one that solves most problems if empty.
+            baseline: reference solver of speed-ups; if empty, the one that solves the most problems.
             page: write the page too, if the run has one; see ``page``.
             profiles: problems that profiles cover, "common" to all solvers or "all".
 
@@ -120,7 +120,7 @@ class Run(RunFrames, os.PathLike[str]):
 
         Args:
             kind: "performance", "data", "accuracy", "speedup" or "families".
-            baseline: solver that speed-ups relate to; the one that solves most problems if empty.
+            baseline: reference solver of speed-ups; if empty, the one that solves the most problems.
             profiles: "common" for the problems that all solvers support, or "all".
 
         Raises:

@@ -1,4 +1,4 @@
-"""Files of solvers in other languages, identified by their content from the moment that a command names them.
+"""Files of solvers in other languages, identified by the SHA-256 of their content when a command names them.
 
 Such a file is loaded or started only in child processes. A stored run cannot make this process use a file: a user who
 resumes someone else's run must name its files.
@@ -56,14 +56,14 @@ def use_native_files(name: str, sources: Sequence[str]) -> tuple[PluginUse, ...]
 
 
 def native_uses(solvers: Iterable[str]) -> list[PluginUse]:
-    """Return the files in other languages that solvers need, each once, from the names of the solvers."""
+    """Return one record for each native part of the named solvers; parts whose file is not in use are omitted."""
     parts = dict.fromkeys(part for name in solvers for part in _native_parts(name))
     known = ((part, _in_use.get(str(_place(part)))) for part in parts)
     return [replace(use, name=part) for part, use in known if use is not None]
 
 
 def is_native_use(use: PluginUse) -> bool:
-    """Return whether a stored use is that of a file in another language."""
+    """Return whether a stored record is that of a file in another language."""
     return use.kind == "solver" and bool(_native_parts(use.name))
 
 

@@ -1,7 +1,7 @@
 """Find the problems of a run, and store those that the package does not contain.
 
-The hard cases and the frozen library have the same numbers in every installation of one version. All other problems (of
-plugins, of the caller, generated ones) are stored with the run, so that it can be resumed, judged again and shown
+The hard cases and the frozen library have the same numbers in every installation of one version. All other problems
+(from plugins, from the caller, or generated) are stored with the run, so that it can be resumed, judged again and shown
 without their source.
 """
 

@@ -66,7 +66,7 @@ class RemoteSystem(RenewedWorker):
     """The system of a scene in a separate process, for single states; the process ends with the object."""
 
     def __init__(self, name: str, options: Mapping[str, Any], seconds: float) -> None:
-        """Store the scene; the process starts with the first request.
+        """Store the name and options of the scene; the process starts with the first request.
 
         Args:
             name: name of the scene, with or without options.

@@ -64,8 +64,8 @@ class RemoteSolver(RenewedWorker):
 
         Args:
             solver: the solver.
-            seconds: additional wall time of a request beyond the time limit of its solve [s], for preparing and for the
-                last iteration.
+            seconds: wall time of a request beyond the time limit of its solve [s], for preparing and for the last
+                iteration.
             memory_bytes: memory limit [bytes], in addition to the memory that the framework needs.
             limit_seconds: wall time limit of preparing and solving together [s], after which a request has
                 ``GRACE_SECONDS`` to end. If infinite, ``seconds`` applies instead.

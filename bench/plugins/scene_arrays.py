@@ -22,7 +22,7 @@ Arrays = dict[str, NDArray[Any]]
 T = TypeVar("T")
 
 MALFORMED_ANSWER_ERRORS = (KeyError, ValueError, TypeError, IndexError, OverflowError, AttributeError, ProxbenchError)
-"""Exceptions that reading a malformed answer raises."""
+"""Exceptions that reading a malformed answer may raise."""
 
 LAW_FIELDS = ("kind", "friction_coefficient", "fixed_bound", "partner")
 """Names of the arrays that represent laws."""
@@ -32,7 +32,7 @@ SPARSE_PARTS = ("data", "indices", "indptr")
 
 
 def plain_copy(value: T, kind: type[T]) -> T:
-    """Return an instance of a dataclass with plain numbers; a subclass of the plugin is replaced by ``kind``."""
+    """Return a dataclass instance with plain numbers, as a ``kind`` rather than a subclass defined by a plugin."""
     values = {one.name: np.asarray(getattr(value, one.name)).tolist() for one in fields(kind)}  # type: ignore[arg-type]
     return kind(**values)
 
@@ -110,7 +110,7 @@ def checked_keys(values: NDArray[Any]) -> IntArray:
 
 
 def read_state(time: float, arrays: Arrays, n_coordinates: int, n_dofs: int) -> State:
-    """Return the state at ``time`` [s]; errors are those in ``MALFORMED_ANSWER_ERRORS``."""
+    """Return the state at ``time`` [s]; invalid arrays raise one of ``MALFORMED_ANSWER_ERRORS``."""
     position = finite_numbers(arrays["position"], (n_coordinates,))
     velocity = finite_numbers(arrays["velocity"], (n_dofs,))
     keys, impulses = checked_keys(arrays["state_keys"]), arrays["state_impulses"]
@@ -118,7 +118,7 @@ def read_state(time: float, arrays: Arrays, n_coordinates: int, n_dofs: int) -> 
 
 
 def read_inverse_mass(arrays: Arrays, n_dofs: int) -> InverseMass:
-    """Return M⁻¹; errors are those in ``MALFORMED_ANSWER_ERRORS``."""
+    """Return M⁻¹; invalid arrays raise one of ``MALFORMED_ANSWER_ERRORS``."""
     parts = tuple(arrays[f"mass_{part}"] for part in SPARSE_PARTS)
     matrix = sp.csr_array(parts, shape=(n_dofs, n_dofs))
     matrix.check_format(full_check=True)

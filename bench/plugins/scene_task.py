@@ -37,7 +37,7 @@ class SceneRecord(Record, frozen=True, kw_only=True):
         time: time of the start [s].
         functions: names of its optional functions.
         observables: quantities that are recorded at each step.
-        ending_seconds: length of the past that its stopping rule uses [s]; None without a rule.
+        ending_seconds: simulated time that its stopping rule looks back [s]; None without a rule.
         balls: the balls for recordings; None without balls.
         bodies: the rigid bodies for recordings; None without rigid bodies.
     """
@@ -80,7 +80,7 @@ class SceneTask:
     _scene: Scene | None = None
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request; if the scene cannot be built, "describe" is answered as {"refused": sentence}."""
+        """Answer one request; if the scene cannot be built, the answer to "describe" is {"refused": sentence}."""
         try:
             self._scene = self._scene or build_plugin_scene(self.name, self.options)
         except ProxbenchError as error:

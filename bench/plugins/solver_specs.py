@@ -98,7 +98,7 @@ def warm(spec: SolverSpec) -> SolverSpec:
 def pickle_solver(solver: Any) -> bytes:
     """Pickle a solver object of the caller for the processes of its cases.
 
-    If child processes cannot import the class (of a notebook, a script, or standard input), the pickle includes it.
+    If child processes cannot import the class (from a notebook, script, or standard input), the pickle includes it.
 
     Raises:
         BenchError: if the object or its class cannot be pickled.

@@ -59,8 +59,8 @@ class Camera:
 class CameraFit:
     """The closest camera that shows all points, found point by point.
 
-    A point x is visible from p if (x − p) · n ≥ 0 for the normal n of each of the four sides of the view. The camera
-    therefore depends only on the least x · n of all points.
+    A point x is visible from p if (x − p) · n ≥ 0 for the normal n of each of the four sides of the view. The
+    position of the camera therefore depends only on the least x · n of all points.
 
     Args:
         direction: from the points to the camera, shape (3,).
@@ -133,7 +133,7 @@ def solves_blueprint(
 
     Args:
         solvers: their names; the entities of solver k are ``/solvers/k`` and ``/states/k``.
-        n_iterations: largest iteration, which determines the playback speed.
+        n_iterations: largest iteration number, which determines the playback speed.
         camera: camera of all spatial views.
         heights: range of log₁₀ residuals; None for that of the curves.
     """

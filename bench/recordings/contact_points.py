@@ -29,7 +29,7 @@ RIGID_TOLERANCE = 1e-9
 """Largest error of the inner products of axes, and relative error of the moments a × e, of a rigid body."""
 
 RIGID_SHAPES = {(3, 6): (3, 3), (3, 3): (3, 0), (1, 3): (3, 0), (2, 3): (2, 1), (2, 2): (2, 0), (1, 2): (2, 0)}
-"""Dimension and rotational degrees of freedom of a body, by the rows of a contact and all degrees of freedom."""
+"""(dimension, rotational degrees of freedom) of a body, by (rows of a contact, degrees of freedom)."""
 
 UNIFORM_INERTIA = {3: 2.0 / 5.0, 2: 1.0 / 2.0}
 """Moment of inertia over m r² of a uniform ball and a uniform disc, by the dimension."""

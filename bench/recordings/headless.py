@@ -52,7 +52,7 @@ class HeadlessViewer:
         return self.timeline.start or 0, self.timeline.end or 0
 
     def show(self, blueprint: Mapping[str, Any], at: int) -> None:
-        """Change the layout, and wait until two successive pictures of a time are equal."""
+        """Change the layout, and wait until two successive pictures at a time are equal."""
         self._seek(at)
         self.client.set_blueprint(dict(blueprint), "recording")
         before = b""

@@ -20,14 +20,14 @@ from .bodies.woodpecker import WoodpeckerRecorder
 from .simulation import CoordinateRecorder, SceneRecorder
 
 FRAMES = 1000
-"""Number of frames of a recording: half a minute, and less than 100 MB with a thousand balls."""
+"""Number of drawn steps for which the playback speed is set: at most 17 s, less than 100 MB with a thousand balls."""
 
 VIEWS: dict[str, type[SceneRecorder]] = {"woodpecker": WoodpeckerRecorder}
 """Recorders that draw the bodies of a scene, by the name of its ``view``."""
 
 
 def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) -> SceneRecorder:
-    """Return the recorder of a scene, which draws about ``FRAMES`` of ``n_steps`` steps.
+    """Return the recorder of a scene, with a playback speed for about ``FRAMES`` of ``n_steps`` steps.
 
     Raises:
         BenchError: if the view of the scene is unknown.
@@ -80,8 +80,8 @@ def record_stored(
 def step_ending_at(system: System, state: State, length: float, impulse_seconds: float | None = None) -> Step:
     """Return the step of ``length`` [s] that ended at ``state``, with the contacts and impulses of the state.
 
-    The contacts are those at its midpoint, q_E − u_E Δt/2. States of a variable step contain forces; they are
-    converted to impulses over ``impulse_seconds`` [s].
+    The contacts are those at its midpoint, q_E − u_E Δt/2, where q_E and u_E are those of ``state``. States of a
+    variable step contain forces; they are converted to impulses over ``impulse_seconds`` [s].
     """
     midpoint = system.move(state.position, state.velocity, -0.5 * length)
     assembly = system.assemble(midpoint, state.velocity, length)

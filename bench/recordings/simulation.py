@@ -46,13 +46,13 @@ COLOURS = {
 """Colours of curves; other curves have ``PALETTE[5]``."""
 
 MIN_SPANS = {COORDINATES: 1e-6, "angles": 1e-6, "energy": 1e-9, "residual": 0.2, "step_size": 0.2}
-"""Least span of the axis of a group of curves: 1 µm, 1 µrad, 1 nJ, and a fifth of a decade of logarithms."""
+"""Least span of the axis of a group of curves: 1 µm, 1 µrad, 1 nJ, and a fifth of a decade."""
 
 MIN_OBSERVED = 1e-9
-"""Least span of the axis of an observable, in its own unit; smaller variations are rounding."""
+"""Least span of the axis of an observable, in its own unit; smaller variations are rounding errors."""
 
 MIN_SPAN_RATIO = 1e-4
-"""Least span of an axis relative to its largest value, so that constant curves do not show rounding."""
+"""Least span of an axis relative to its largest value, so that constant curves do not show rounding errors."""
 
 Entities = Iterable[tuple[str, rr.AsComponents]]
 """Entity paths with their components."""
@@ -151,7 +151,7 @@ class SceneRecorder:
             write_curve(stream, f"curves/{name}", at, [points[step] for step in kept], label=label, colour=colour)
 
     def _widen_axes(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
-        """Widen the axes of constant curves, to avoid magnified rounding; return whether there are any."""
+        """Widen the axes of constant curves, to avoid magnified rounding errors; return whether there are any."""
         is_framed = False
         spans = MIN_SPANS | {name: MIN_OBSERVED / 10.0**exponent for name, exponent in self._exponents.items()}
         for view in plots:
@@ -240,7 +240,7 @@ def step_curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dic
 def unit_exponent(values: FloatArray) -> int:
     """Return the exponent, a multiple of 3, of the unit in which values below 1e-3 are drawn; 0 for larger values.
 
-    Values below ``MIN_OBSERVED`` are zero up to rounding, and are drawn in its unit.
+    Values below ``MIN_OBSERVED`` are zero up to rounding, and are drawn in the unit of ``MIN_OBSERVED``.
     """
     largest = float(np.abs(values[np.isfinite(values)]).max(initial=MIN_OBSERVED))
     return 3 * math.floor(math.log10(largest) / 3.0) if largest < 1e-3 else 0
@@ -260,7 +260,7 @@ def scaled_label(label: str, exponent: int) -> str:
 
 
 def axis_range(values: Sequence[float], smallest_span: float) -> tuple[float, float] | None:
-    """Return the range of the axis for nearly constant values; None if their own range suffices."""
+    """Return the range of the axis for nearly constant values; None if their own range suffices, or without values."""
     if not values:
         return None
     low, high = min(values), max(values)

@@ -49,10 +49,10 @@ LINES = (150, 170, 200)
 """Colour of other bodies."""
 
 TOLERANCE = 1e-8
-"""Tolerance of recorded solvers; most need too many iterations for the finest one of a run."""
+"""Tolerance of solves recorded from a run; most solvers need too many iterations for its finest tolerance."""
 
 MAX_ITERATIONS = 1000
-"""Iteration limit of recorded solvers."""
+"""Iteration limit of solves recorded from a run."""
 
 FOLDER = "recordings"
 """Name of the folder of recordings in the folder of a run."""
@@ -102,15 +102,15 @@ def record_solves(
 
     Args:
         problem: the contact problem.
-        solvers: at least one solver, or names of solvers.
+        solvers: one or more solvers, or their names.
         stop: stop criterion of each solve; observing does not count towards its time limit.
         file: the recording, ending in ``.rrd``.
         force: replace an existing file.
         places: places of the contacts; computed by ``find_places`` if None.
 
     Raises:
-        BenchError: before solving, if there are no solvers or contacts, ``places`` belong to other contacts, or the
-            file exists (without ``force``), does not end in ``.rrd``, or cannot be written.
+        BenchError: before solving, if there are no solvers or contacts, ``places`` have another number of contacts, or
+            the file exists (without ``force``), does not end in ``.rrd``, or cannot be written.
     """
     if not solvers:
         raise BenchError("name at least one solver to record.")
@@ -150,7 +150,7 @@ def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
     Cases that timed out, crashed or misbehaved in the run are omitted. Recordings of an earlier call are replaced.
 
     Raises:
-        BenchError: if the folder is not a run, cannot be written, or its recordings are a link that leaves it.
+        BenchError: if the folder is not a run, cannot be written, or its folder of recordings links to a place outside.
         SolverError: for a solver object that cannot be created from its name.
         ProblemError: for a damaged problem of the run.
     """
@@ -232,7 +232,7 @@ def _write_contacts(
 
 
 def _write_bodies(stream: rr.RecordingStream, bodies: Bodies, size: float) -> None:
-    """Write balls as translucent spheres, other bodies of ``size`` [m] as dots joined to their contacts."""
+    """Write balls as translucent spheres, other bodies as dots, scaled by ``size`` [m], joined to their contacts."""
     balls = bodies.is_ball
     if balls.any():
         shape = rr.Ellipsoids3D(
@@ -260,7 +260,7 @@ def _arrows(places: Places, lanes: FloatArray, scale: float) -> FloatArray:
 
 
 def _reference_impulse(traces: Sequence[Trace]) -> float:
-    """Return a large impulse [N s] of the most accurate last iterate, 0 if there is none."""
+    """Return the 90 % quantile of the impulses [N s] of the most accurate last iterate; 0 if there is none."""
     seen = [trace for trace in traces if trace.impulses and np.isfinite(trace.impulses[-1]).all()]
     if not seen:
         return 0.0

@@ -48,7 +48,7 @@ class Trace:
         solver: name of the solver.
         model: the model that the solver solves, in words.
         ending: how the solve ended, as a sentence.
-        has_failed: whether the solver raised an error.
+        has_failed: whether the solver raised an error or returned no solution.
         iterations: numbers of the iterations of the curves, ascending from 0 (the start).
         residual: judged residual.
         complementarity: largest |Λ_N ξ_N| [J].

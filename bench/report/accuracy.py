@@ -45,7 +45,7 @@ _COMPARISON_COLUMNS = [
 def accuracies(frames: RunFrames) -> tuple[float, ...]:
     """Return the judged residuals for which the tables of a run give times, from coarse to fine.
 
-    These are the tolerances of the run if they are at most as many as ``ACCURACIES``. Otherwise they are those of
+    These are the tolerances of the run if there are no more of them than ``ACCURACIES``. Otherwise they are those of
     ``ACCURACIES`` that are not finer than the finest tolerance, because finer ones would count as failures.
     """
     ladder = _ladder(frames)
@@ -247,7 +247,7 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def families(frames: RunFrames) -> list[str]:
-    """Return the families of the problems of a run, in order; none if each problem is its own family."""
+    """Return the families of the problems of a run, in order; none if there is only one, or one per problem."""
     found = list(dict.fromkeys(frames.cases["family"]))
     return found if 1 < len(found) < frames.cases["problem"].nunique() else []
 
@@ -270,9 +270,9 @@ def starts_table(frames: RunFrames) -> pd.DataFrame:
 
     Columns: family, solver, tolerance; problems (the number of those with a previous step), and how many of them are
     solved from zero (cold_solved) and warm (warm_solved). The mean iterations (cold_iterations, warm_iterations) are
-    over those solved in both ways. The other columns are over those of the latter without excluded times (timed, their
-    number): geometric mean times [s] (cold_seconds, warm_seconds), the ratio of both (gain), and the number of problems
-    that a warm start slows down by ``MARGIN`` or more (slower).
+    over the problems solved both ways. The other columns omit those with excluded times: the number of the remaining
+    ones (timed), geometric mean times [s] (cold_seconds, warm_seconds), the ratio of both (gain), and the number of
+    problems that a warm start slows down by ``MARGIN`` or more (slower).
     """
     points, rows = frames.points, list[dict[str, Any]]()
     shown = points[points["tolerance"].isin(accuracies(frames))] if len(points) else points

@@ -22,7 +22,7 @@ class Report:
     Attributes:
         results: time to accuracy and ending of each case.
         summary: success and mean time of each solver; in a run over trajectories, its points.
-        tables: the files that hold both.
+        tables: the files of all tables.
         charts: the files of the charts; empty if none were drawn.
         page: the page; None if there is none.
         unwritten: a sentence about files that cannot be written; empty if all can.
@@ -54,12 +54,13 @@ def build_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fa
     Args:
         frames: the run, with the residual that tables use.
         charts: draw charts.
-        baseline: reference solver of speed-ups; the one that solves most problems if empty.
+        baseline: reference solver of speed-ups; if empty, the one that solves the most problems.
         page: write the page; studies and runs without cases have none.
         profiles: problems that charts of profiles cover, one of ``VIEWS``.
 
     Raises:
-        BenchError: if a link in the folder of the run leads out of it, or the solver or view is unknown.
+        BenchError: if a link in the folder of the run leads out of it, the solver or view is unknown, or ``baseline``
+            is given for a run without speed-ups.
     """
     check_view(profiles)
     folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual

@@ -17,7 +17,7 @@ TIME = "time_to_"
 
 
 def duration(seconds: float) -> str:
-    """Return a time in engineering units, or a dash for NaN: ``"3.1 ms"``."""
+    """Return a time in engineering units, ``"3.1 ms"``, or a dash if it is not finite."""
     if not np.isfinite(seconds):
         return "–"
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
@@ -95,7 +95,7 @@ def shown_results(
 
 
 def all_solve_coulomb(cases: pd.DataFrame) -> bool:
-    """Return whether all solvers of some cases solve Coulomb's law."""
+    """Return whether the solvers of all ``cases`` use Coulomb's law."""
     return bool((cases["model"] == str(Model.COULOMB)).all())
 
 

@@ -27,8 +27,8 @@ def attempted_points(frames: RunFrames) -> pd.DataFrame:
 def case_endings(frames: RunFrames) -> pd.DataFrame:
     """Return the ending of each case, in the order of the cases.
 
-    Columns: outcome (the fault of the case, else the worst of its ladder), reason, and notes (of the finest point with
-    notes).
+    Columns: outcome (of the case if it failed, else wrong or relaxed if a point is, else unfinished or that of the
+    finest attempted point), reason, and notes (of the finest point with notes).
     """
     ladders: dict[tuple[str, str], list[dict[Any, Any]]] = {}
     for point in attempted_points(frames)[[*CASE, *POINT]].to_dict("records"):  # a data frame per case is slow
@@ -49,7 +49,7 @@ def join_texts(reason: str, notes: str) -> str:
 
 
 def limit_remedies(outcomes: "pd.Series[str]", limits: Limits) -> list[str]:
-    """Return a sentence for each limit of a case that cases of a run exceeded, with the option that changes it."""
+    """Return a sentence for each limit that cases of a run exceeded, with the option that changes it."""
     sentences = {
         Outcome.OUT_OF_MEMORY: (f"ran out of memory at a limit of {limits.memory_bytes / 2**20:g} MiB", "--memory"),
         Outcome.TIMEOUT: (f"timed out after {limits.case_seconds:g} s", "--case-seconds"),
@@ -68,7 +68,7 @@ def _prefix(point: dict[Any, Any]) -> str:
 
 
 def _ending(case: dict[Any, Any], ladder: list[dict[Any, Any]]) -> tuple[str, str]:
-    """Return the outcome of a case with its attempted points, and the reason."""
+    """Return the outcome of a case and the reason, from its attempted points."""
     if case["outcome"] != Outcome.MEASURED:
         return str(case["outcome"]), str(case["reason"])
     for outcome in (Outcome.WRONG, Outcome.RELAXED):

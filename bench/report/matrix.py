@@ -28,7 +28,7 @@ MARKS = {
 """One character for each ending; faults have none and are spelled out."""
 
 MAX_NAMED_SOLVERS = 4
-"""Largest number of solvers that the table of reasons names; of more, it names one fewer and counts the rest."""
+"""Largest number of solvers that the table of reasons names; if there are more, it names one fewer and a count."""
 
 MAX_REASON_LENGTH = 160
 """Largest number of characters of a reason; longer ones are reduced to the first and the last two clauses."""
@@ -79,7 +79,7 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: st
     Args:
         cells: every solver on every problem.
         tolerance: the judged residual to reach.
-        command: the command line that makes the page.
+        command: the command line that writes the page.
         state: paragraphs about the run from which the matrix comes.
         table: link to the file of ``matrix_table``; the page then counts by family. Without a link, it shows all
             cells.
@@ -168,7 +168,7 @@ def _family(problem: str) -> str:
 
 
 def _mark(outcome: Outcome, residual: float) -> str:
-    """Return the mark of an ending with the power of ten of the residual as a superscript, without the ten."""
+    """Return the mark of an ending, followed by the power of ten of the residual of a failure."""
     mark = MARKS.get(outcome, str(outcome))
     order = _residual_order(outcome, residual)
     return mark if order is None else f"{mark} {order}".replace("-", "−")
@@ -231,7 +231,7 @@ def _reasons(found: pd.DataFrame) -> str:
 
 
 def _shortened(reason: str) -> str:
-    """Return the first and the last two clauses of a long reason; those of composite solvers have one per part."""
+    """Return the first and the last two clauses of a long reason; composite solvers give one clause per part."""
     clauses = reason.split("; ")
     is_long = len(reason) > MAX_REASON_LENGTH and len(clauses) > 2
     return f"{clauses[0]}; …; {clauses[-2]}; {clauses[-1]}" if is_long else reason

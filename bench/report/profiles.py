@@ -76,7 +76,7 @@ def profile_accuracies(frames: RunFrames) -> tuple[float, ...]:
 
 
 def seconds_matrix(frames: RunFrames, accuracy: float) -> pd.DataFrame:
-    """Return the time to an accuracy [s], problems down and solvers across; NaN where it is not reached.
+    """Return the time to an accuracy [s]: rows are problems, columns are solvers; NaN where it is not reached.
 
     Problems on which the time of any solver is excluded are omitted.
     """
@@ -86,7 +86,7 @@ def seconds_matrix(frames: RunFrames, accuracy: float) -> pd.DataFrame:
 
 
 def residual_matrix(frames: RunFrames) -> pd.DataFrame:
-    """Return the least judged residual of the counted points, problems down and solvers across; NaN without points."""
+    """Return the least judged residual of the counted points, in the form of ``seconds_matrix``; NaN without points."""
     counted = reaching(frames.points, np.inf, frames.info.plan.limits.solve_seconds)
     return _matrix(frames, counted[counted["total_seconds"].notna()], "residual")
 
@@ -182,9 +182,9 @@ def other_threads_note(frames: RunFrames, solvers: Iterable[str], baseline: str 
 
 
 def baseline_of(frames: RunFrames, name: str = "") -> str:
-    """Return the reference solver of speed-ups: ``name``, or the one that solves most to the finest accuracy.
+    """Return the reference solver of speed-ups: ``name`` if given.
 
-    Unless it is named, it is one of the solvers with the fewest threads.
+    Otherwise, it is the one that solves the most problems to the finest accuracy, among those with the fewest threads.
 
     Raises:
         BenchError: if the run has no case of ``name``, or no case at all.
@@ -257,7 +257,7 @@ def _views(frames: RunFrames, values: pd.DataFrame) -> Iterator[tuple[str, pd.Da
 
 
 def _families_and_all(frames: RunFrames) -> Iterator[tuple[str, pd.Index]]:
-    """Yield the problems of a run: all, and those of each family, unless each problem is its own family."""
+    """Yield the problems of a run: all, and those of each of its ``families``."""
     problems = frames.cases.drop_duplicates("problem").set_index("problem")["family"]
     yield ALL, problems.index
     for family in families(frames):

@@ -66,7 +66,7 @@ _FAMILIES = (
 """Legend of the table by family."""
 
 _FEWER_OF_FAMILIES = "(n): over n of them, because times of the others are excluded; –: over none."
-"""Continuation of that legend if excluded times reduce the problems of a mean."""
+"""Continuation of ``_FAMILIES`` if excluded times reduce the problems of a mean."""
 
 _STARTS = (
     "From zero (cold) and from the answer to the step before (warm): solved steps, and over those solved both ways the "
@@ -138,7 +138,7 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
 
 
 def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.DataFrame], pd.DataFrame], str]]:
-    """Return the tables of a run: name, numbers, displayed texts, and a note below."""
+    """Return the tables of a run: name, numbers, a function that formats them, and a note below."""
     ratios, table = _standings(frames), results_table(frames)
     standings = standings_of_cells(table, ratios)
     shown = partial(shown_results, standings=standings, is_study=frames.is_study, bold="**{}**")
@@ -257,7 +257,7 @@ def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) 
 
 
 def _print_families(frames: RunFrames, console: Console) -> None:
-    """Print one table per accuracy: solvers down, families across, split to fit the width."""
+    """Print one table per accuracy, with solvers as rows and families as columns, split to fit the width."""
     table = families_table(frames)
     for tag in summary_tags(table):
         cells = shown_families(frames.info.plan.solvers, table, [tag])

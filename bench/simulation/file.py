@@ -63,12 +63,12 @@ class SimulationRecord(Record, frozen=True, kw_only=True):
     Attributes:
         version: version of Proxbench.
         plan: the plan.
-        plugins: the names from plugins, of the solvers of all segments.
+        plugins: the plugins of the scene and of the solvers of all segments.
         segments: the settings of the steps.
         statuses: texts by the stored status of a step.
         wall_seconds: total wall time [s].
         failure: the failed step; None if no step failed.
-        outputs: chart and recording, relative to the folder of the file.
+        outputs: paths of chart and recording, relative to the folder of the file.
         doublings: number of doublings of the spacing of states, see ``kept_states``.
     """
 

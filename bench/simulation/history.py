@@ -90,7 +90,7 @@ class Failure(Record, frozen=True, kw_only=True):
     def error(self, file: Path | None) -> FailedSimulationError:
         """Return the error to raise, with the command that resumes the simulation if it is stored in ``file``.
 
-        A motion that is no longer finite may need a shorter step; other failures are those of the solver.
+        A motion that is not finite may need a shorter step or another solver; other failures may need another solver.
         """
         if file is None:
             return FailedSimulationError(f"{self.description}.")

@@ -140,9 +140,9 @@ def make_simulation_plan(
     """Return the plan of one simulation: ``make_simulation_plan("pile(balls=60)", stepper="Moreau(step=1e-3)")``.
 
     Names of scene, stepper and solver may include options; ``options`` are additional options of the scene. See
-    ``SimulationPlan`` for the other arguments. By default, the duration is that of the scene, the
-    stepper is ``Extrapolated`` for few contacts and ``Moreau`` otherwise, and solver, tolerance and iterations suit
-    scene and stepper.
+    ``SimulationPlan`` for the other arguments. By default, the duration is that of the scene, the stepper is
+    ``Extrapolated`` for few contacts and ``Moreau`` otherwise, and solver, tolerance and iterations suit scene and
+    stepper.
 
     Raises:
         ProblemError: for an unknown scene, stepper or option, with the nearest name, or an option out of range.
@@ -183,7 +183,7 @@ def _default(scene: Scene, stepper: Stepper) -> _Default:
 
 
 def changed(plan: SimulationPlan, **changes: Any) -> SimulationPlan:
-    """Return a copy of ``plan`` with other arguments of ``make_simulation_plan``, which raises the same errors."""
+    """Return a copy of ``plan`` with other arguments of ``make_simulation_plan``, whose errors it raises."""
     if not changes:
         return plan
     # a plugin's solver gets its time limit when it is created

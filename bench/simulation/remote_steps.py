@@ -193,7 +193,7 @@ class StepsTask:
     _steps: Iterator[AcceptedStep] = field(default_factory=lambda: iter(()))
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request; a failed step is answered as {"failed": sentence}."""
+        """Answer one request; the answer to a failed one is {"failed": sentence}."""
         try:
             if request == "begin":
                 self._begin(*arguments)

@@ -175,8 +175,8 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
 def _require_memory(simulation: Simulation) -> None:
     """Raise ``InsufficientMemoryError`` if the available memory does not suffice for the states and for a step.
 
-    The states still to be kept are positions and velocities; their impulses are not counted. Writing the result file
-    copies all states.
+    Positions and velocities of the states still to be kept are counted, but not their impulses. Writing the result
+    file copies all states.
     """
     plan, state = simulation.plan, simulation.state
     scene, step = plan.scene, plan.stepper.resolution(plan.scene)

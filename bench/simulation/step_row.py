@@ -1,4 +1,4 @@
-"""The stored row of an accepted step; its columns have the names of the fields here."""
+"""The stored row of an accepted step; its columns have the names of the fields of ``StepRow``."""
 
 import math
 from collections.abc import Iterator, Sequence

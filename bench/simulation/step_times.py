@@ -50,7 +50,7 @@ class StepClocks:
     processor: float = 0.0
 
     def watch(self, steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
-        """Yield the steps, and add their times; the last step may fail."""
+        """Yield the steps, and add their times and that of a step that fails."""
         while True:
             worked, began = used_processor_seconds(self.solver), perf_counter()
             try:

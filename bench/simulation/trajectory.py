@@ -235,7 +235,7 @@ class Simulation:
         return hides_contacts(self.steps["residual"], self.steps["local_residual"])
 
     def append(self, row: StepRow, taken: AcceptedStep) -> None:
-        """Add one accepted step with its row; an interruption discards an incomplete one."""
+        """Add one accepted step with its row, and discard a step that an interruption left incomplete."""
         progress = self._progress
         self._rows.truncate(progress.n_steps)
         self._switches.truncate(progress.n_switches)

@@ -38,7 +38,7 @@ def busy_cores(run: RunRecord) -> float:
 
 
 def drift(frames: RunFrames) -> float:
-    """Return the ratio of the 90 % to the 10 % quantile of probe times around rounds not excluded; NaN without rounds.
+    """Return the ratio of the 90 % to the 10 % quantile of the probe times of counted rounds; NaN without them.
 
     With several machines, the ratio is that of the least steady one.
     """

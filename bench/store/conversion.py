@@ -1,4 +1,4 @@
-"""Convert records to files and back: JSON with a checksum, displayable texts, and null for nonfinite numbers."""
+"""Convert records to files and back: JSON with a checksum, printable text, and null for nonfinite numbers."""
 
 import hashlib
 import json
@@ -22,7 +22,7 @@ R = TypeVar("R", bound=Record)
 
 
 def printable(value: Any) -> Any:
-    """Return a JSON value with displayable texts, and None for numbers that are not finite."""
+    """Return a JSON value with printable text, and None for numbers that are not finite."""
     if isinstance(value, str):
         return value if value.isprintable() else _UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", value)
     if isinstance(value, float):
@@ -42,7 +42,7 @@ def record_of(content: dict[str, Any], kind: type[R]) -> R:
     """Convert a JSON object to a record.
 
     Raises:
-        ValueError: if a field is missing or out of range; the text names the field.
+        ValueError: if a field is missing or out of range; the message names the field.
     """
     try:
         return msgspec.convert(printable(content), kind)
@@ -96,7 +96,7 @@ def checksum(content: dict[str, Any]) -> str:
 
 
 def decompress(content: bytes, limit: int) -> bytes:
-    """Decompress zlib or gzip data to at most ``limit`` bytes, and never unpack more.
+    """Decompress zlib or gzip data to at most ``limit`` bytes.
 
     Raises:
         ValueError: if the data are damaged or larger.

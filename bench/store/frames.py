@@ -42,7 +42,7 @@ class RunFrames:
     Attributes:
         folder: its folder, or its bundle.
         cases: one row per case: the family of the problem, the scalar fields of ``CaseRecord``, is_finished,
-            and is_tried (whether its whole ladder was measured at least once).
+            and is_tried (whether its whole ladder was measured at least once, or it failed).
         points: one row per ladder point: problem, family, solver, model, the fields of ``Point`` and ``Measured``
             (median times [s] with their quartiles, the numbers of the verdict), and notes.
         rounds: one row per round of a point: problem, solver, tolerance, and the fields of ``Round``.

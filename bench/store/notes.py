@@ -59,7 +59,7 @@ def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
 
 
 def _least_ratio(measured: Measured, seconds: list[float], repeated_seconds: list[float]) -> float | None:
-    """Return the ratio of the fastest of several first solves to the slowest repeated ones [s].
+    """Return the ratio of the fastest of several first solves to the slowest repeated solve.
 
     Excluded rounds count as repeated solves, because they show how slow the machine was at times. Return None if there
     are too few first solves, or if the machine explains the ratio.

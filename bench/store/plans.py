@@ -25,7 +25,7 @@ MAX_PASSES = 1000
 
 
 MAX_MEBIBYTES = 2**40
-"""Exclusive bound of a memory limit [MiB]."""
+"""Exclusive upper bound of a memory limit [MiB]."""
 
 
 class Limits(Struct, frozen=True):

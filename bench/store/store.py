@@ -1,6 +1,6 @@
 """The folder of a run. Each file is written as a whole or not at all.
 
-RUN/run.json            plan, machine, and sessions with their probes and load
+RUN/run.json            plan, machine, and sessions with their load
 RUN/cases/*.json        one case each, with a checksum
 RUN/problems/*.npz      the problems that the package does not contain, by their digests
 """

@@ -40,8 +40,8 @@ REFERENCE_SECONDS = 0.01
 class BallRecorder(SceneRecorder):
     """Record a scene of balls or discs; see ``SceneRecorder``.
 
-    A ball has two shades, to show its rotation. Simulations do not store orientations; they are integrated from the
-    mean angular velocity between two drawn states.
+    A ball has two shades, to show its rotation. Orientations, which simulations do not store, are integrated
+    from the mean angular velocity of successive drawn states.
     """
 
     def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:

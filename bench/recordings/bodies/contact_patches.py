@@ -1,4 +1,4 @@
-"""Contact patches: the loaded contacts of two bodies, joined into a polygon, a line or a point."""
+"""Contact patches: the loaded contacts of two bodies, joined into a polygon or a line."""
 
 import numpy as np
 import rerun as rr
@@ -12,7 +12,9 @@ NO_PATCHES = rr.LineStrips3D([])
 
 
 def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: States) -> rr.LineStrips3D:
-    """Return the patch of each pair of bodies as a closed line; a patch sticks if one of its contacts sticks.
+    """Return the patches of pairs of bodies with two or more contacts as closed lines.
+
+    A patch sticks if one of its contacts sticks.
 
     Args:
         pairs: both bodies of each contact, shape (n, 2).

@@ -10,8 +10,8 @@ from ..contact_states import States
 
 REFERENCE_QUANTILE, REFERENCE_LENGTH, MAX_RATIO = 0.9, 0.6, 4.0
 """The reference force is this quantile of all forces; its arrow has this length in bounding radii of its body. Lengths
-grow with the square root of the force, up to ``MAX_RATIO`` times this force, so that arrows of impacts do not cover the
-others."""
+grow with the square root of the force, up to ``MAX_RATIO`` times the reference, so that arrows of impacts do not cover
+other arrows."""
 
 NO_FORCES = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=np.uint16))
 """Arguments of ``ForceArrows.add`` for a step without forces."""
@@ -63,7 +63,7 @@ class ForceArrows:
         )
 
     def arrows(self) -> Iterator[tuple[int, FloatArray, FloatArray, States]]:
-        """Yield number, arrows [m], the points where they begin [m], and states of contacts of each step."""
+        """Yield for each step its number, arrows [m], their origins [m], and the states of its contacts."""
         reference = self.reference or 1.0
         for step in self._steps:
             size = np.linalg.norm(step.vectors, axis=1)

@@ -52,7 +52,7 @@ def joint_shapes(joints: RigidJoints, poses: FloatArray, radius: float) -> Entit
 
 
 def joint_points(joint: Joint, poses: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-    """Return the point [m] of each body of a joint, shape (3,), and the rotation of its body axes, shape (3, 3)."""
+    """Return, for each body of a joint, its point [m], shape (3,), and the rotation of its axes, shape (3, 3)."""
     placed = []
     for body, point in ((joint.first, joint.first_point), (joint.second, joint.second_point)):
         pose = np.array([0.0, 0.0, 0.0, *IDENTITY]) if body == WORLD else poses[body]

@@ -31,7 +31,7 @@ class Mesh:
         vertices: corners [m], shape (n, 3).
         triangles: corners of each triangle, shape (m, 3).
         colours: red, green, blue of each corner, shape (n, 3), or None for one colour.
-        normals: directions out of a smooth surface at each corner, shape (n, 3), or None for flat triangles.
+        normals: outward normals of a smooth surface at each corner, shape (n, 3), or None for flat triangles.
     """
 
     vertices: FloatArray
@@ -59,11 +59,11 @@ def ball_mesh(radius: float, colour: tuple[int, int, int], flatness: float = 1.0
 
 
 def surface_meshes(surfaces: Sequence[Surface], top: float, width: float, dimension: int) -> list[Mesh]:
-    """Return meshes of the surfaces, cut at the height ``top`` [m].
+    """Return meshes of the surfaces; walls are cut at the height ``top`` [m].
 
     Args:
         surfaces: surfaces of a scene; rims, which end other surfaces, and unknown kinds are omitted.
-        top: height above which nothing is drawn [m].
+        top: height above which walls are not drawn [m].
         width: half the extent of planes, and of planar walls perpendicular to the plane [m].
         dimension: 2 for a scene in the plane (x, z), 3 for one in space.
     """

@@ -228,7 +228,7 @@ def _body_colours(centres: FloatArray, driven_bodies: Sequence[int]) -> list[tup
 
 
 def _drawn(mesh: Mesh, factor: tuple[int, int, int, int] | None = None) -> rr.Mesh3D:
-    """Return a mesh, with flat faces if it has no normals, in its own colours or in one."""
+    """Return a mesh in its own colours or the colour ``factor``; without normals, its faces are flat."""
     corners = mesh.vertices[mesh.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = (normals / np.linalg.norm(normals, axis=1)[:, None]).repeat(3, axis=0)

@@ -125,7 +125,7 @@ def _coil(start: FloatArray, end: FloatArray, turns: int = 5, radius: float = 1.
 
 
 def _sleeve() -> Entities:
-    """Return the sleeve about its own centre: rings on the pole."""
+    """Yield the sleeve, relative to its centre: rings around the pole."""
     angle = np.linspace(0.0, 2.0 * np.pi, 33)
     ring = toy.SLEEVE_RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
     heights = np.linspace(-toy.SLEEVE_HALF_HEIGHT, toy.SLEEVE_HALF_HEIGHT, 9)
@@ -134,7 +134,7 @@ def _sleeve() -> Entities:
 
 
 def _bird() -> Entities:
-    """Return the bird about its centre of mass, its beak at (−l_S, h_S)."""
+    """Yield the bird, relative to its centre of mass, with its beak at (−BEAK_ARM, BEAK_HEIGHT)."""
     beak = np.array([-toy.BEAK_ARM, 0.0, toy.BEAK_HEIGHT])
     head = np.array([-0.0085, 0.0, 0.0165])
     shapes = rr.Ellipsoids3D(

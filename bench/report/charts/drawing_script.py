@@ -16,7 +16,7 @@ PROGRAM = "window.vegaEmbed = vegaEmbed;"
 """The program that is bundled with the libraries that it uses."""
 
 LIBRARY = "vl-convert-python"
-"""The distribution that has these libraries and bundles them."""
+"""The distribution that contains these libraries and bundles them."""
 
 
 @cache
@@ -24,8 +24,8 @@ def drawing_script() -> str:
     """Return a script that defines ``vegaEmbed``, which draws Vega specifications in a page without downloads.
 
     Bundling takes more than a second, so the script is stored in the cache folder of problems, by the version of the
-    library that bundles it. A file without the digest of its text in its first line is written again. A folder that
-    cannot be written is not used.
+    library that bundles it. A file without the digest of its text in its first line is written again. If the
+    folder cannot be written, the script is not stored.
     """
     file = cache_folder() / "scripts" / f"vega-embed-{metadata.version(LIBRARY)}.js"
     script = _stored(file)

@@ -26,7 +26,7 @@ def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str
     """Return the chart of one kind of profile; see ``Run.plot_profile``.
 
     Raises:
-        BenchError: for a study of simulations, an unknown kind, baseline or set of profiles.
+        BenchError: for a study of simulations, a run without cases, or an unknown kind, baseline or view.
     """
     check_view(profiles)
     if frames.is_study:

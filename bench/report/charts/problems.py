@@ -154,7 +154,7 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
 def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     """Return median time over the residual of the frames, one line for each solver, more accurate to the right.
 
-    Marks are at the judged residual, not at the tolerance: filled for successful solves, hollow for the best iterate of
+    Marks are at this residual, not at the tolerance: filled for successful solves, hollow for the best iterate of
     other solves, and crosses for wrong claims.
     """
     rows, styles = _costs(frames, problem), solver_styles(frames.info.plan.solvers)
@@ -166,7 +166,7 @@ def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
 def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
     """Return the judged residual over iterations of the observed solves, one line per solver.
 
-    Curves are cut at MAX_RESIDUAL.
+    Curves are cut at ``MAX_RESIDUAL``.
     """
     rows, styles = _curves(frames, problem), solver_styles(frames.info.plan.solvers)
     panel = convergence_panel(styles, rows, solver_legend(styles, rows["solver"], has_marks=False))
@@ -242,7 +242,7 @@ def convergence_panel(styles: Mapping[str, SolverStyle], data: Any, legend: alt.
 def _solve_marks(
     base: alt.Chart, styles: Mapping[str, SolverStyle], work: str, legend: alt.Legend | None
 ) -> list[alt.Chart]:
-    """Return the marks of solves: filled if solved, hollow if not, crossed if the claim is wrong."""
+    """Return the marks of solves: filled for ``FILLED_OUTCOMES``, else hollow, and crossed if the claim is wrong."""
     shaped = base.encode(
         shape=by_name(alt.Shape, "solver", styles, "shape", legend),
         tooltip=["solver:N", "residual:Q", f"{work}:Q", "iterations:Q", "outcome:N"],
@@ -289,7 +289,7 @@ def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:
 
 
 def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
-    """Return the solvers without points on a problem, and those without a curve, with the reasons."""
+    """Return a note on the solvers that are not among the ``shown`` rows, with the reasons; empty if there are none."""
     with_points = set(_costs(frames, problem)["solver"])
     own = frames.only([problem])
     endings = case_endings(own).set_index(own.cases["solver"])

@@ -75,7 +75,7 @@ def write_profiles(frames: RunFrames, baseline: str, folder: Path, view: str = C
 def profile_charts(
     frames: RunFrames, tables: Mapping[str, pd.DataFrame], baseline: str, view: str = COMMON
 ) -> dict[str, alt.VConcatChart]:
-    """Return the charts of profiles by name: of each kind over all problems, and of all kinds by family.
+    """Return the charts of profiles by name: one of each kind, and one of all ``CURVES`` by family.
 
     Args:
         frames: the run.

@@ -67,7 +67,7 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
 
 
 def success_chart(frames: RunFrames) -> alt.VConcatChart:
-    """Return the number of problems that each solver solves to each tolerance, as confirmed and as claimed."""
+    """Return the chart of the numbers of problems solved to each tolerance by each solver, confirmed and claimed."""
     tried = attempts(frames, sorted(frames.info.plan.tolerances, reverse=True))
     tried["tolerance"] = tried["accuracy"].map(exponent)
     counts = tried.groupby(["solver", "tolerance"], sort=False).agg(
@@ -89,7 +89,7 @@ def success_chart(frames: RunFrames) -> alt.VConcatChart:
 
 
 def families_chart(frames: RunFrames) -> alt.VConcatChart:
-    """Return the share of each family that every solver solves to the accuracies of the summary, and its mean time."""
+    """Return the chart of the share of each family that each solver solves to the summary accuracies, and mean time."""
     shown, table, names = summary_accuracies(frames), families_table(frames), families(frames)
     tried = attempts(frames, shown)
     across = _columns("family", names, None, angle=-30)

@@ -42,7 +42,7 @@ class Comparison:
         scale: factor that divides the times of the second run in the ratios of cases and solvers. It is common to all
             solvers and attributed to the machine.
         changes: one row per solver, problem and accuracy that only one run reaches: change is "solved", "unsolved", or
-            "undecided" if time was short; reason tells how the other run ended.
+            "undecided", see ``find_solved_changes``; reason tells how the other run ended.
         slowdown: relative slowdown above which the verdict names a solver.
     """
 
@@ -75,7 +75,7 @@ class Comparison:
         return self._named(self.solvers[self.solvers["low"] > bound], self.cases[self.cases["low"] > bound])
 
     def faster(self) -> list[str]:
-        """Return solvers, and cases of other solvers, that were significantly slower before."""
+        """Return solvers, and cases of others, that were significantly slower before, by more than ``slowdown``."""
         bound = 1.0 / (1.0 + self.slowdown)
         return self._named(self.solvers[self.solvers["high"] < bound], self.cases[self.cases["high"] < bound])
 

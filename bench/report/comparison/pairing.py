@@ -42,8 +42,8 @@ class Pairing:
         notes: sentences about omitted parts and other differences.
         accuracies: the common tolerances, from coarse to fine.
         obstacle: why times are not comparable; empty if they are.
-        yardsticks: solvers that take the same time in both runs unless the machine differs.
-        is_same_software: whether package and libraries are unchanged, so that the yardsticks are certain.
+        yardsticks: solvers that determine the scale of times: those not from plugins, or all if anything has changed.
+        is_same_software: whether machine, package and libraries are unchanged, so that the yardsticks are certain.
     """
 
     before: RunFrames

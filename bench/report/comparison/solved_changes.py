@@ -20,9 +20,9 @@ CHANGES = [*CASE, "accuracy", "change", "reason"]
 def find_solved_changes(pairing: Pairing) -> pd.DataFrame:
     """Return one row for each solver, problem and accuracy that only one of two runs reaches, columns ``CHANGES``.
 
-    A change is undecided if the other run reached a time limit, of a solve or of a case, that a shared core can
-    explain: all its rounds are excluded, the limits differ, or the run that reaches the accuracy took more than
-    1/``SHARED_CORE_SLOWDOWN`` of the limit.
+    A change is undecided if the other run has not measured the point yet, or reached a time limit, of a solve or of a
+    case, that a shared core can explain: all its rounds are excluded, the limits differ, or the run that reaches the
+    accuracy took more than 1/``SHARED_CORE_SLOWDOWN`` of the limit.
     """
     sides = (pairing.before, pairing.after)
     key = [*CASE, "accuracy"]

@@ -39,7 +39,7 @@ MIN_YARDSTICKS = 3
 """Least number of yardsticks of a scale."""
 
 DEGREES_OF_FREEDOM = 10
-"""Degrees of freedom of Student's t in intervals of cases; few, because one disturbance may affect all its passes."""
+"""Degrees of freedom of Student's t in intervals of cases; few, because one disturbance may affect all passes."""
 
 MEDIAN_VARIANCE = np.pi / 2.0
 """Variance of the median of many normally distributed numbers, relative to that of their mean."""

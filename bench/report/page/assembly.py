@@ -31,7 +31,7 @@ def write_page(frames: RunFrames, baseline: str = "") -> Path:
 
     Args:
         frames: the run.
-        baseline: initial reference solver of speed-ups; the one that solves most problems if empty.
+        baseline: initial reference solver of speed-ups; if empty, the one that solves the most problems.
 
     Raises:
         BenchError: if the run is a study of simulations or has no case, the baseline is not one of its solvers, or
@@ -65,7 +65,7 @@ def _embedded(document: dict[str, Any]) -> str:
 
 
 def _in_script(text: str) -> str:
-    """Return a script with the end tags of script elements escaped."""
+    """Return a script with the end tags of script elements and the starts of HTML comments escaped."""
     return text.replace("</script", r"<\/script").replace("<!--", r"<\!--")
 
 

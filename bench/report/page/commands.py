@@ -1,4 +1,4 @@
-"""Commands that repeat a run or one of its cases, with one option per line."""
+"""Commands that repeat a run or one of its cases, on several lines."""
 
 import shlex
 
@@ -10,7 +10,7 @@ MEBIBYTE = 2**20
 """Number of bytes in a mebibyte."""
 
 LINE_BREAK = " \\\n  "
-"""A continued line of a shell command."""
+"""Line continuation of a shell command."""
 
 
 def repeat_command(run: RunRecord) -> str:

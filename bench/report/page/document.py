@@ -1,4 +1,4 @@
-"""Data of a page as one JSON document: tables of problems, solvers, cases, points and curves, in columns with names.
+"""Data of a page as one JSON document: tables of problems, solvers, cases, points and curves, in named columns.
 
 Python computes the values that do not depend on filters: the time to each accuracy and the best point of every case.
 Numbers are rounded to the digits that the page shows; residuals that it compares with accuracies are not rounded.
@@ -38,7 +38,7 @@ MAX_CURVE_POINTS = 300_000
 """Largest number of points of all convergence curves of a page."""
 
 MIN_CURVE_POINTS = 20
-"""Least number of points of a curve."""
+"""Least number of points to which a curve is thinned."""
 
 LAWS = {1: "no friction (1 row per contact)", 2: "planar friction (2 rows)", 3: "spatial friction (3 rows)"}
 """Laws of problems by their rows per contact."""

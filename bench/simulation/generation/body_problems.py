@@ -1,7 +1,7 @@
 """Problems of the suite ``bodies``: steps of scenes of rigid bodies.
 
-Most of them are the first step of a scene that starts at rest, and need no solver. The others are later
-steps, and a solver solves the steps before them. The captured step itself is not solved.
+Most of them are the first step of a scene, and need no solver. The others are later steps, and a solver solves the
+steps before them. The captured step itself is not solved.
 """
 
 from collections.abc import Iterator

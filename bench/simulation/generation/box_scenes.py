@@ -80,7 +80,7 @@ class BoxPile:
 
 @dataclass(frozen=True)
 class BoxTable:
-    """A slab at rest on posts, in a square grid on the ground.
+    """A slab at rest on posts, which stand in a square grid on the ground.
 
     Attributes:
         posts: number of posts along each side.
@@ -129,7 +129,7 @@ class BoxTrain:
         n_boxes: number of boxes.
         ratio: mass of the first box over that of each other box.
         speed: initial velocity of the first box along the row, away from the others [m/s].
-        size: edge lengths along, across and normal to the ground [m].
+        size: edge lengths along the row, across it, and normal to the ground [m].
         gap: distance between neighbours [m].
         mass: mass of a box [kg].
 

@@ -1,7 +1,7 @@
 """Generate the problems of the standard suites from their scenes.
 
 A recipe specifies the step of a simulation that gives a problem. On one machine, scenes are deterministic for a given
-seed, so that generating twice gives equal digests. Between machines rounding differs, so runs use the frozen library.
+seed, so that generating twice gives equal digests. Rounding differs between machines, so runs use the frozen library.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -42,10 +42,11 @@ WOODPECKER_STEPS = 5000
 """Fixed steps in one period of the woodpecker."""
 
 FLOW_STOP = Stop(tolerance=1e-12, max_iterations=2000)
-"""Solver limits while balls flow. Impacts amplify errors by many orders, so each step is solved nearly to rounding."""
+"""Solver limits while balls flow. Impacts amplify errors by many orders of magnitude, so each step is
+solved nearly to rounding."""
 
 PILE_STOP = Stop(tolerance=1e-4, max_iterations=300)
-"""Solver limits while balls settle: a pile is redundant everywhere, and sweeps stagnate near 1e-4 there."""
+"""Solver limits while balls settle: the contacts of a pile are redundant, and sweeps stagnate near 1e-4."""
 
 
 @dataclass(frozen=True)

@@ -94,7 +94,7 @@ def first_state(recipe: SequenceRecipe) -> State:
 
 
 def contact_names(problem: ContactProblem, contacts: ActiveContacts) -> list[str]:
-    """Return the key of each contact of a step as text; a joint has a contact for each of its rows, with its number."""
+    """Return the key of each contact of a step as text; each further row of a joint is a contact, with its number."""
     row_of_contact = [0] * problem.n_contacts
     owners = contacts.for_rows(contacts.keys)
     numbers = np.arange(problem.n_rows) - contacts.for_rows(contacts.first_rows)

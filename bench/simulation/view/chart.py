@@ -23,7 +23,7 @@ from ...report.layout.text import counted
 from ..trajectory import Simulation, describe_switches
 
 POINTS = 500
-"""Number of time intervals over which curves are aggregated, to limit the size of charts."""
+"""Largest number of intervals over which curves are aggregated, to limit the size of charts."""
 
 WIDTH, HEIGHT = 620, 110
 
@@ -37,7 +37,7 @@ BINS = 100
 """Number of intervals in which switching points are counted."""
 
 NOISE = 1e-6
-"""Range of a curve, relative to its largest value, below which its variation is rounding."""
+"""Range of a curve, relative to its largest value, below which its variation is a rounding error."""
 
 KINDS = {"unilateral": "contact opens or closes", "friction": "slips or sticks"}
 """Names of switching points by law."""
@@ -204,7 +204,7 @@ def _panel(frame: pd.DataFrame, dots: pd.DataFrame, name: str, has_legend: bool)
     scale = alt.Scale(zero=False)
     low, high = curve["value"].min(), curve["value"].max()
     size = max(abs(low), abs(high))
-    if high - low <= NOISE * size:  # an axis of that range would show rounding
+    if high - low <= NOISE * size:  # an axis of that range would show rounding errors
         middle, room = 0.5 * (low + high), 0.05 * size or 1.0
         scale = alt.Scale(zero=False, domain=[middle - room, middle + room])
     height = alt.Y("value:Q", title=name, scale=scale)

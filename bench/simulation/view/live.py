@@ -62,7 +62,7 @@ class LiveSummary:
         self._live.update(Group(Text(first, no_wrap=True), Text(second, style=style, no_wrap=True), bar), refresh=True)
 
     def _lines(self, simulation: Simulation, now: float) -> tuple[str, str]:
-        """Return the progress, the speed, and the last step, each within 80 columns."""
+        """Return two lines of at most 80 columns: the progress with the speed, and the last step."""
         plan, last = simulation.plan, simulation.steps[-1]
         # count new steps only; counting all would become slower with every redraw
         self._n_unsolved += int(simulation.unsolved_from(self._n_shown).sum())

@@ -23,10 +23,10 @@ WINDOW_SECONDS = 0.1
 
 @dataclass(frozen=True)
 class Window:
-    """Some consecutive steps.
+    """Consecutive steps that end in the same ``WINDOW_SECONDS``.
 
     Attributes:
-        time: end of the window [s].
+        time: end of the last step [s].
         steps: number of steps.
         contacts: mean number of active contacts.
         iterations: mean number of iterations of the solver.
