@@ -88,7 +88,7 @@ class PreparedSmall:
 def prepare_small(
     problem: ContactProblem, prepare_by_parts: Callable[[ContactProblem], Prepared]
 ) -> PreparedSmall | None:
-    """Return the prepared sweeps of a small problem, or None if ``Robust`` does not begin with these sweeps."""
+    """Return the prepared sweeps of a small problem; None if they do not suit it or the kernels are not in use yet."""
     free = problem.free_velocity
     if not 0 < len(free) <= MAX_SMALL_SIZE or not _KERNELS.should_use():
         return None
