@@ -20,7 +20,7 @@ _METHODS = {"supports": "supports(problem)", "prepare": "prepare(problem)"}
 _SOLVE = "solve(stop, start=None, observe=None)"
 
 MAX_ITERATIONS = 2**53
-"""Largest accepted number of iterations, up to which floating-point columns of tables are exact."""
+"""Largest accepted number of iterations; up to this number, floating-point columns of tables are exact."""
 
 
 def make_solver(name: str, source: str, factory: Any, options: dict[str, Any]) -> Solver:
@@ -52,7 +52,7 @@ def make_solver(name: str, source: str, factory: Any, options: dict[str, Any]) -
 
 
 def check_factory(name: str, source: str, factory: Any) -> None:
-    """Raise ``PluginError`` unless ``factory`` can be called without options."""
+    """Raise ``PluginError`` unless ``factory`` can be called without options, and all its options have names."""
     head = f"solver {name} of {source}"
     if not callable(factory):
         raise PluginError(f"{head} is {_with_article(factory)}; provide the class of the solver, not {factory!r:.60}.")

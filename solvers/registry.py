@@ -92,9 +92,10 @@ def parts() -> list[str]:
 
 
 def compiled_solvers(name: str | None = None) -> list[str]:
-    """Return the plain names of built-in solvers with compiled kernels: all, or those among ``name`` and its parts.
+    """Return the plain names of built-in solvers with compiled kernels, or of those among ``name`` and its parts.
 
-    ``CvxpyCoulomb`` is excluded because its library takes long to import.
+    Without ``name``, the solvers of ``parts`` are omitted. ``CvxpyCoulomb`` is always omitted because its library takes
+    long to import.
 
     Raises:
         SolverError: if the text is not a name.
@@ -287,7 +288,7 @@ def solve(
     Raises:
         SolverError: if the solver, an option or a limit is unknown, ``solver`` does not implement the interface, or
             ``problem`` is not a contact problem, a name or a path.
-        ProblemError: from ``load``.
+        ProblemError: if the problem cannot be loaded.
     """
     unknown = [name for name in limits if name not in ("max_iterations", "max_seconds")]
     if unknown:

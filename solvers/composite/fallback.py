@@ -2,7 +2,7 @@
 
 A problem can be hard for one method or start, and easy for another. The impulses of the last time step may lead to a
 plateau of the residual that a start at zero avoids. One relaxation may oscillate about a solution that another reaches.
-The first part starts from the given impulses. Then all parts run from zero.
+The first solver runs from the given impulses. Then all solvers run from zero.
 """
 
 from collections.abc import Iterator
@@ -41,9 +41,9 @@ ITERATIONS = 2000
 """Default of ``iterations``. It suffices for most problems that sweeps solve."""
 
 MOMENTUM_PARTS = ((FAST_RELAXATION, FAST_MOMENTUM), (1.0, 0.97), (1.2, 0.985), (1.0, 0.985))
-"""Relaxation and momentum of the parts of ``MomentumFallback``. Momentum that follows the measured rate is fastest on
-hundreds of contacts or more. A constant momentum close to 1 solves most of the rare steps of a settling pile on which
-measured momentum reaches a plateau."""
+"""Relaxation and momentum of the parts of ``MomentumFallback``. Momentum that follows the measured rate of convergence
+is fastest on hundreds of contacts or more. A constant momentum close to 1 solves most of the rare steps of a settling
+pile on which measured momentum reaches a plateau."""
 
 
 @dataclass(frozen=True, init=False)
@@ -51,11 +51,11 @@ class Fallback(Method):
     """Solvers in sequence: ``Fallback(SORprox(relaxation=1.5), NSGS)``.
 
     The limits of a solve apply to all parts together. The result is the first solution or, without one, the impulses
-    of all parts with the lowest residual. The message lists the parts that ran and the outcome of each.
+    with the lowest residual of all parts. The message lists the parts that ran and the outcome of each.
 
     Attributes:
         parts: the solvers, all of the same model; parts that do not support a problem are skipped.
-        warm_iterations: iteration limit of the first part from a given start; this run is omitted without one.
+        warm_iterations: iteration limit of the first part from a nonzero start; without one, this run is omitted.
         iterations: iteration limit of each run from zero; the last part has no separate limit.
 
     Raises:

@@ -2,10 +2,11 @@
 
 Sweeps quickly identify which contacts are open, stick or slip, but determine the impulses slowly if masses differ or
 many contacts are coupled. Newton's method has the opposite properties. The solver therefore begins with sweeps, and
-tries Newton's method when they are slow. Its result is kept only if the judge's residual has fallen.
+tries Newton's method when they are slow. The result of Newton's method is kept only if it reduces the judge's residual.
 
 Newton's method converges only near a solution, which sweeps at high friction may never reach. If sweeps stall, Newton's
-method restarts after sweeps of other kinds, from the best iterate and from the first one (``restarts``).
+method restarts from iterates of two kinds of sweeps, which begin at the best iterate and at the first one
+(``restarts``).
 
 No decision depends on the tolerance. A solve to a smaller tolerance therefore begins with the same iterates, and its
 residual is not larger. No decision depends on the speed of the machine, except near the deadline: a Newton step that
@@ -34,8 +35,8 @@ SWEEPS_BEFORE = 200
 """Number of sweeps before Newton's method is considered, and between two measurements of the convergence rate."""
 
 SLOW = 500
-"""Newton's method is tried if sweeps need more than this number per digit of the residual. A few Newton steps cost as
-much as a few thousand sweeps, for ten contacts and for a thousand."""
+"""Number of sweeps per digit of the residual above which Newton's method is tried. A few Newton steps cost as much as a
+few thousand sweeps, for ten contacts and for a thousand."""
 
 SETTINGS = (SHARP, DAMPED, *THOROUGH)
 """Settings of successive runs of Newton's method between sweeps."""
@@ -67,7 +68,7 @@ class HybridNewton(Method):
         check_relaxation(self.relaxation)
 
     def prepare(self, problem: ContactProblem) -> "PreparedHybrid":
-        """Assemble G and the initial step sizes of the sweeps."""
+        """Assemble G and compute the initial step sizes of the sweeps."""
         residual = Residual(problem)
         sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
         return PreparedHybrid(problem, residual, sweep, Equations(problem, residual))
@@ -83,7 +84,7 @@ class PreparedHybrid:
     equations: Equations = field(repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Do sweeps, and try Newton's method if they converge slowly; see ``Prepared.solve``."""
+        """Sweep, and try Newton's method if the sweeps converge slowly; see ``Prepared.solve``."""
         first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
@@ -121,7 +122,7 @@ class PreparedHybrid:
         return SafeguardedIterates(DelassusIterates(self.sweep, impulses))
 
     def _is_stuck(self, outcome: Outcome | None, monitor: Monitor) -> bool:
-        """Whether sweeps do not progress, and rounding does not explain the best residual."""
+        """Whether sweeps make no progress, and rounding does not explain the best residual."""
         is_stuck = monitor.lacks_progress if outcome is None else outcome.status in STUCK_STATUSES
         if not is_stuck:
             return False

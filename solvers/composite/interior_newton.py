@@ -1,23 +1,23 @@
 """InteriorNewton: interior points identify contact states; sweeps and Newton's method refine impulses.
 
 From any start, an interior point method takes a few dozen factorisations to identify which contacts open, stick and
-slip. It finds the last digits slowly if the solution is not strictly complementary, and its path may turn back. Sweeps
-with momentum usually find these digits in a few hundred sweeps, which cost less than two factorisations. The methods
-alternate:
+slip. It finds the last digits slowly if the solution is not strictly complementary, and its path may turn back. A few
+hundred sweeps with momentum usually find these digits, and cost less than two factorisations. The methods alternate:
 
-    InteriorPoint      fast if τ can decrease steadily
+    InteriorPoint      fast if the path parameter τ can decrease steadily
     NesterovSORprox    the last digits, from the end of that run
-    ClarabelCoulomb    from zero, if programs are cheap, while each gains a digit, as for bodies at rest
-    CentralPath        from the beginning of the path, through its turns
+    ClarabelCoulomb    from zero, if programs are cheap, while each program gains a digit, as for bodies at rest
+    CentralPath        follows the path from its beginning, through its turns
     NesterovSORprox    from its end
     ProximalPoint      also from its end: Newton's method, regular for any number of redundant contacts
     HybridNewton       from the best impulses: sweeps that change contact states one by one if no path helps
 
-The last four methods run in five rounds, with increasing iteration limits for the path and ``HybridNewton``. The path
-continues where it stopped. If it has ended, and in the fourth round, it restarts with series of another order, which
-may not cycle where the first ones do. When both paths have ended, ``ProximalPoint`` starts from the best impulses.
-Before the last round, ``SemismoothNewton`` starts from zero, because the other methods may all lead to the same
-iterate. No method delays the others for long, and the runs do not depend on the speed of the machine.
+Where other sweeps are faster than ``NesterovSORprox``, they replace it (``sweep_selection``). The last four methods run
+in five rounds, with increasing iteration limits for the path and ``HybridNewton``. The path continues where it stopped.
+If it has ended, and in the fourth round, it restarts with series of another order, which may not cycle where the first
+ones do. When both paths have ended, ``ProximalPoint`` starts from the best impulses. Before the last round,
+``SemismoothNewton`` starts from zero, because the other methods may all lead to the same iterate. No method delays the
+others for long, and the runs do not depend on the speed of the machine.
 """
 
 from collections.abc import Iterator
@@ -61,10 +61,11 @@ MAX_OPERATIONS = 1e300
 
 @dataclass(frozen=True)
 class InteriorNewton(Method):
-    """Interior points, their path through its turns, sweeps and Newton's method, one after the other.
+    """Interior points, the central path through its turns, sweeps and Newton's method, in sequence.
 
-    One iteration is a Newton step, a factorisation of the path, or a sweep. Interior point methods factorise over
-    bodies if several contacts of the same two bodies over-determine their motion, otherwise over contacts.
+    One iteration is a Newton step, a factorisation of the path, a cone program, or a sweep. Interior point methods
+    factorise over bodies if several contacts of the same two bodies over-determine their motion, otherwise over
+    contacts.
     """
 
     def supports(self, problem: ContactProblem) -> str | None:
@@ -116,14 +117,14 @@ def count_operations(sequence: SolverSequence) -> float:
 
 
 def cone_programs(problem: ContactProblem, operations: float) -> Solver | None:
-    """Return De Saxcé's fixed point in the form over which sweeps are faster, or None.
+    """Return De Saxcé's fixed point in the form in which sweeps are faster, or None.
 
     Return None if the problem has no cone program, or if one takes more work than ``MAX_STEPS`` interior point steps
     with ``operations`` per factorisation.
     """
     if program_seconds(operations) > MAX_STEPS * step_seconds(problem, operations):
         return None
-    from ..conic.clarabel_coulomb import ClarabelCoulomb  # imported here because import takes 20 ms
+    from ..conic.clarabel_coulomb import ClarabelCoulomb  # imported here because the import takes 20 ms
     from ..conic.fixed_point import FastFixedPoint
 
     forms: list[Literal["delassus", "factors"]] = ["delassus"]

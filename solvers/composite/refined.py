@@ -3,8 +3,8 @@
 An interior point method soon identifies which contacts are open, stick or slip. Its impulses, however, follow the
 central path, and their error is about the square root of its tolerance. Once the states are right, the problem is a
 system of equations, the projection equations of ``linearised`` (Alart & Curnier 1991; Burke & Moré 1988 prove that
-projections identify the states). It is linear except for the direction of slip, so that a few Newton steps solve it. A
-step that does not reduce the judge's residual is discarded, because it started from wrong states.
+projections identify the states). It is linear except for the direction of slip, so a few Newton steps solve it. A step
+that does not reduce the judge's residual is discarded, because it started from wrong states.
 """
 
 from dataclasses import dataclass, replace
@@ -24,13 +24,13 @@ REFINEMENT = NewtonSettings(damping=1e-12, max_steps=4, patience=1)
 """Settings on identified states: each step must reduce the residual, and halve it if another step is to follow."""
 
 SUCCESS = 0.1
-"""If a refinement reduces the residual below this fraction, the next iterate is refined too."""
+"""If a refinement reduces the residual to less than this fraction, the next iterate is refined too."""
 
 MAX_WAIT = 8
 """Largest number of iterations between a failed refinement and the next one."""
 
 FIRST_SEARCH = 4
-"""Number of iterations of a phase before the first run with a line search. It doubles before each further run."""
+"""Iteration of a phase in which Newton's method first uses a line search; the number doubles for each further run."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from iterate to iterate, because most successes come early. Such restarts replac
 the equations have neither a potential nor a monotone map. Every merit function may then have local minima (Acary,
 Brémond & Huber 2018).
 
-Their budget of counted work (``newton.work``) is the larger of
+The restarts have a budget of counted work (``newton.work``), the larger of
 
     WORK_SHARE × the work of the solve so far      and      MIN_WORK, at most LIMIT_SHARE × the time limit,
 
@@ -39,12 +39,12 @@ LIMIT_SHARE = 0.5
 """Upper limit of ``MIN_WORK``, relative to the time limit."""
 
 MAX_SWEEPS = 128
-"""Largest number of sweeps of one predictor from one start."""
+"""Largest number of sweeps of a predictor after which Newton's method is tried."""
 
 
 @dataclass
 class Predictor:
-    """A source of iterates after ``done`` sweeps; ``attempted`` is ``done`` at the last Newton attempt, or −1."""
+    """A source of iterates after ``done`` sweeps; ``attempted`` is ``done`` at the last Newton attempt, −1 before."""
 
     iterates: Iterates
     done: int = 0
@@ -72,7 +72,7 @@ class Restarts:
     def run(self) -> Outcome | None:
         """Try all starts and predictors; return the outcome if the solve is over, else None.
 
-        All iterates, also those of predictors, are counted and passed to the observer; the monitor keeps the best.
+        All iterates, including those of predictors, are counted and passed to the observer; the monitor keeps the best.
         """
         work, stop = self._newton.work, self._driver.monitor.stop
         work_until = work.seconds + max(WORK_SHARE * work.seconds, min(MIN_WORK, LIMIT_SHARE * stop.max_seconds))

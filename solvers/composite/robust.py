@@ -5,7 +5,7 @@ often succeeds once they have identified which contacts stick and slip. Interior
 such as piles and stacks with redundant contacts.
 
     sweeps              while each window of sweeps gains a digit
-    accelerated sweeps  for a tenth of a window, and while each gains a digit
+    accelerated sweeps  while each tenth of a window gains a digit
     Newton steps        a few from the last swept impulses
     InteriorNewton      interior points, their path, Newton's method and sweeps
 
@@ -13,9 +13,9 @@ Sweeps gain a digit when they reduce the residual tenfold. A window (``windows``
 interior point method, and about a fifth on piles of balls. Slow sweeps thus take little time compared with the methods
 that follow. Anderson acceleration often gains more in a few sweeps than momentum in a whole window. Newton steps on few
 rows take no longer than a hundred sweeps. With joints, they transmit impulses along whole chains; a sweep transmits
-them to the next joint. In both cases the first windows are short: Newton steps are tried after the first window that
-gains no digit, and sweeps continue if the steps fail. No decision depends on the tolerance, on the number of cores, or
-on the clock except for the time limit: after the first window, numerical libraries use one thread.
+them only to the next joint. In both cases the first windows are short: Newton steps are tried after the first window
+that gains no digit, and sweeps continue if the steps fail. No decision depends on the tolerance, on the number of
+cores, or on the clock except for the time limit: after the first window, numerical libraries use one thread.
 """
 
 from collections.abc import Callable
@@ -168,7 +168,7 @@ def run_sweeps(
 
 
 def accelerated_sweeps(sequence: SolverSequence) -> Callable[[FloatArray], Iterates] | None:
-    """Return the function that begins accelerated sweeps, None if the problem or the memory does not permit them."""
+    """Return the function that begins accelerated sweeps, or None if the problem or the memory forbids them."""
     if not can_accelerate(sequence.problem):
         return None
     try:

@@ -45,7 +45,7 @@ MAX_SMALL_SIZE, FACTORS_DENSITY_ON_FEW_ROWS = 150, 6.0
 """Number of rows of the largest small problem; on small problems, the second value replaces ``FACTORS_DENSITY``."""
 
 ROWS_PER_CHECK = 100
-"""Number of rows that sweeps visit in the time of one residual check, which call overhead dominates on few rows."""
+"""Number of rows that sweeps visit in the time of one residual check, which is mainly call overhead on few rows."""
 
 UNCOUPLED_SWEEPS, SAFEGUARDED_SWEEPS = NSGS(), SafeguardedSORprox(RELAXATION)
 """The sweeps of small problems, created once because creating them takes as long as several sweeps."""

@@ -1,4 +1,4 @@
-"""Windows: limits for sweeps that reduce the residual less than tenfold, after which interior points follow.
+"""Windows: limits on the number of sweeps without a tenfold reduction of the residual before other methods follow.
 
 A window begins with the first sweep and after each digit (factor of 10) of the residual. With m blocks (contacts and
 joints), the work s of a sweep, and the work w of an interior point step, its length is
@@ -8,8 +8,8 @@ joints), the work s of a sweep, and the work w of an interior point step, its le
 The first term was measured on piles of balls, where the cost of a factorisation grows faster than m. The second term
 limits the work of a window to that of 20 steps. It is the smaller term if bodies form chains, whose factorisation is
 cheap, and if sweeps are slow, as with joints. Both s and w are counted (``work``), and no length depends on the clock.
-Counting the operations of a factorisation takes as long as about 400 sweeps. They are therefore counted only after 400
-sweeps that gained less than a digit, and only if the second term could be the smaller one.
+Counting the operations of a factorisation takes as long as about 400 sweeps. The operations are therefore counted only
+after 400 sweeps that gained less than a digit, and only if the second term could be the smaller one.
 """
 
 from collections.abc import Callable
@@ -32,7 +32,7 @@ SHORT_WINDOW = 90
 class Window:
     """A check whether sweeps gain a digit within ``length`` sweeps, counted from ``begin`` and from each digit.
 
-    ``longest``, if given, returns a second limit of the length. It is called once, after ``WINDOW`` slow sweeps.
+    ``longest``, if given, returns a second limit on the length. It is called once, after ``WINDOW`` slow sweeps.
     """
 
     def __init__(self, length: int, begin: int = 0, longest: Callable[[], int] | None = None) -> None:

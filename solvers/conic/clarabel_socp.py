@@ -80,7 +80,7 @@ class PreparedConvex:
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Solve until the judge's residual in the convex model reaches the tolerance; ignore start and observer."""
         check_stop(stop)
-        start_impulses(start, self.problem.n_rows)  # refuses a wrong start
+        start_impulses(start, self.problem.n_rows)  # raises an error if the start is invalid
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         seconds, iterations, best = 0.0, 0, np.zeros(self.problem.n_rows)

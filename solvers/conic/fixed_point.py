@@ -13,12 +13,13 @@ F(s) exists if the cone program has a solution, that is, on D = {s : W̃ᵀv + c
 is convex, and if it contains s, it contains every s' ≥ s. If 0 ∈ D, a fixed point exists (Acary, Cadoux, Lemaréchal &
 Malick 2011), and the iteration stays in D. Otherwise F may lead out of D although a fixed point exists, and even in D
 it need not be a contraction. If the iteration fails, a proximal iteration follows (nonsmooth proximal point algorithm,
-Acary, Brémond & Huber 2018). With w_i = εα_i and (s, Λ) from the previous iterate, it computes
+Acary, Brémond & Huber 2018). With w_i = εα_i, α_i the largest diagonal entry of the block of row i in G, and (s, Λ)
+from the previous iterate, it computes
 
     Λ ← argmin { ½ yᵀGy + (c + s e_N)ᵀy + ½ (y − Λ)ᵀ diag(w) (y − Λ) : y ∈ K },      s ← μ ‖ξ_T‖.
 
 G + diag(w) is positive definite. The program therefore has exactly one solution, which depends continuously on (s, Λ).
-A fixed point solves the original problem. Small ε allow long steps, large ε damp oscillations.
+A fixed point solves the original problem. Small ε allow long steps; large ε damp oscillations.
 
 Another method may correct the iterates (``Correction``); the iteration continues from the result. No decision depends
 on the tolerance. A solve to a smaller tolerance therefore begins with the same iterates, and its residual is not
@@ -172,7 +173,7 @@ class PreparedFixedPoint:
     phases: tuple[Phase, ...] = field(default=PHASES, repr=False)
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Iterate until the residual reaches the tolerance, from the s of ``start``; ``iterations`` counts programs."""
+        """Iterate until the residual reaches the tolerance, from the s of ``start``; iterations are cone programs."""
         check_stop(stop)
         first = initial_impulses(self.problem, self.residual, start)
         if self.residual.infeasible:
@@ -247,7 +248,7 @@ class _Outer:
             self.stalled = f"the residual stays at {self.lowest:.1e}; the conic solver {result.status}"
             if result.status is ConicStatus.UNBOUNDED or not np.isfinite(result.impulses).all():
                 self.stalled = f"the conic solver {result.status} at residual {self.lowest:.1e}"
-                self._record(self.best, self.lowest)  # a failed iteration counts too
+                self._record(self.best, self.lowest)  # the observer receives one Λ per iteration, also if it failed
                 return self._time_limit(result)
             velocity = problem.relative_velocity(result.impulses)
             residual = self.prepared.residual.judged(problem, result.impulses)

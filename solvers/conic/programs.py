@@ -5,7 +5,7 @@
 
 Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N. The dual of the intersection of both cones,
 {ξ_N ≥ μ ‖ξ_T‖ + μ_r ‖ξ_R‖}, is the sum of their duals. It needs variables that the factor form does not have. A
-bilateral law has K = R, and therefore ξ = 0 in the dual.
+bilateral law has K = ℝ, and therefore ξ = 0 in the dual.
 
 The factor form is the dual of the Delassus form, where v is the scaled velocity that the impulses cause, and Λ are the
 multipliers. It never assembles G. Both forms accept another c without a new set-up.
@@ -208,7 +208,7 @@ def _settings(accuracy: float, iterations: int, seconds: float, is_careful: bool
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
-    settings.presolve_enable = False  # required by data updates
+    settings.presolve_enable = False  # data updates require this
     if is_careful:
         settings.iterative_refinement_max_iter = MAX_REFINEMENTS
         settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = REFINEMENT_TOLERANCE

@@ -1,9 +1,9 @@
-"""CentralPath: the central path of exact Coulomb friction, followed by power series through its turns.
+"""CentralPath: power series that follow the central path of exact Coulomb friction through its turns.
 
-For fixed s, the path r∘û = τ e, û = Ĝr + ĉ + s e_N is that of a convex program, with one point for each τ. With
-s = ‖û_T‖, it is a curve along which τ may increase before it decreases again. At such a turn, the equations for a
-smaller τ have no solution nearby, and Newton's method stagnates. The path is therefore followed by arc length, for
-which turns are regular:
+In the notation of ``interior_point``, the path r∘û = τ e, û = Ĝr + ĉ + s e_N for fixed s is that of a convex program,
+with one point for each τ. With s = ‖û_T‖, it is a curve along which τ may increase before it decreases again. At such a
+turn, the equations for a smaller τ have no solution nearby, and Newton's method stagnates. The path is therefore
+followed by arc length, for which turns are regular:
 
     1. On the manifold r∘û = τ e (``smoothing``), Newton's method reduces R_p (``interior_point``) to a fraction of τ,
        in the plane normal to the path.
@@ -13,8 +13,9 @@ which turns are regular:
 
 Along the whole path det (Ĝ + D) has one sign where τ decreases and the other where it increases (Allgower & Georg,
 *Introduction to Numerical Continuation Methods*, 2003, chapter 2). Each point thus determines the direction by itself.
-The angle to the previous tangent would lead backwards at sharp bends of the path. If the solution is strictly
-complementary, the path is analytic at τ = 0, and the residual decreases fast. Otherwise it decreases like √τ.
+A direction chosen by the angle to the previous tangent would lead backwards at sharp bends of the path. If the solution
+is strictly complementary, the path is analytic at τ = 0, and the residual decreases fast. Otherwise it decreases like
+√τ.
 """
 
 from dataclasses import dataclass, field

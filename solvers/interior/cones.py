@@ -1,8 +1,8 @@
 """The cones of contacts, and Newton's equations on each of them.
 
-A cone has the lanes (N, T₁, T₂, …) of impulses r and of velocities û, scaled so that a friction cone is the
-second-order cone L = {x : x₀ ≥ ‖x̄‖}. With the Jordan product x∘y = (xᵀy, x₀ȳ + y₀x̄) and e = (1, 0, …), the laws of
-the kinds are
+A cone has the lanes (N, T₁, T₂, …) of impulses r and of velocities û, scaled (``scaled_problem``) so that a friction
+cone is the second-order cone L = {x : x₀ ≥ ‖x̄‖}. With the Jordan product x∘y = (xᵀy, x₀ȳ + y₀x̄) and e = (1, 0, …),
+the laws of the kinds are
 
     NORMAL   r_N û_N = τ
     CONE     r ∘ û = τ e,                     û_N = ξ_N + s,  s = ‖û_T‖ (De Saxcé)
@@ -26,7 +26,7 @@ INSIDE = 1e-15
 """Smallest distance of iterates from the boundary of a cone, relative to their size."""
 
 SOFTNESS = 1e-9
-"""Entry of D for a joint, relative to 1 in Ĝ, which makes systems with redundant joints regular."""
+"""Entry of D for a joint, where entries of Ĝ are about 1; it makes systems with redundant joints regular."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -93,7 +93,7 @@ def divide_by_arrow(p, g):  # type: ignore[no-untyped-def]
 def linearise(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-untyped-def]
     """Write D₀ = L(p)⁻¹ L(q) and x₀ = L(p)⁻¹ (στ e − p∘q − dp_a∘dq_a) of each cone.
 
-    ``target`` is στ, and ``second`` holds dp_a∘dq_a of the affine step: the lanes of the cone, then the normal.
+    ``target`` is στ, and ``second`` holds dp_a∘dq_a of the affine step: the lanes of the cone, then the half-line.
     """
     width = p.shape[1]
     for i in range(len(kind)):

@@ -1,4 +1,4 @@
-"""The central path of one solve: a point on it, the step to the next one by power series, and corrections in between.
+"""The central path of one problem: a point on it, the step to the next one by power series, and corrections in between.
 
 See ``central_path`` for the definition of the path.
 """
@@ -21,7 +21,7 @@ WARM_SHARE, MIN_WARM_TAU = 0.1, 1e-6
 """From a given Λ, the first search is at τ = share × its residual, at most the share and at least the minimum."""
 
 CLOSE, LOOSE = 0.1, 1.0
-"""Largest R_p relative to τ after a correction, and at the end of a series."""
+"""R_p relative to τ at which corrections end, and the largest one that is accepted at the end of a series."""
 
 ROUNDING = 1e-14
 """Rounding error of R_p, relative to the largest scaled impulse, or to 1 if that is larger."""
@@ -33,7 +33,7 @@ MIN_STEP = 1.0 / 32.0
 """The smallest fraction of a Newton step in the first correction."""
 
 ACCURACY = 1e-2
-"""ε, the largest size of the last order of a series relative to the first."""
+"""ε, the largest size of the term of the last order of a series, relative to that of the first order."""
 
 MAX_RANGE = 3.0
 """Largest range of a series, relative to √(2n) for n cones."""
@@ -42,7 +42,7 @@ MAX_SHORTENINGS, SHORTENING = 20, 0.6
 """Largest number of ranges of a series that are tried, and the factor from one to the next."""
 
 MAX_RETRIES, RETRY_SHARE = 6, 0.3
-"""Largest number of end points of a series that are corrected, and the factor of its length after each failure."""
+"""Largest number of end points of a series that are corrected, and the factor of the length after each failure."""
 
 MIN_TAU_RATIO = 1e-3
 """Smallest ratio of τ at the end of a series to τ at its beginning."""
@@ -72,7 +72,7 @@ class Point:
 
 
 class FollowedPath:
-    """The path of one solve."""
+    """The path of one problem, which several solves may follow."""
 
     def __init__(self, scaled: ScaledProblem, system: NewtonSystem, order: int, progress: Progress) -> None:
         self._scaled, self._system, self._order = scaled, system, order

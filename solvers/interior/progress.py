@@ -27,8 +27,8 @@ MIN_STEPS, FRUITLESS_SHARE = 200, 0.75
 """A run of at least this many steps ends if its last steps, this share of all, made no progress."""
 
 MIN_WARM_STEPS = 20
-"""Minimum number of steps before this test in a run from a given start, which may be stuck at the boundary of a cone. A
-run from zero takes about this many steps in total."""
+"""``MIN_STEPS`` for a run from a given start, which may be stuck at the boundary of a cone. A run from zero takes about
+this many steps in total."""
 
 LARGE = 1e6
 """Scaled impulses above this value may grow without bound; a proof of infeasibility is then tried."""
@@ -128,7 +128,7 @@ class Progress:
         return True
 
     def check_gain(self) -> None:
-        """End a run whose last steps made no progress, because steps that change only the last bits do not end it."""
+        """End a run whose last steps made no progress; else steps that change only the last bits would continue."""
         steps, fruitful = self._iteration - self._run_began, self._gained - self._run_began
         if steps >= (MIN_WARM_STEPS if self._is_warm else MIN_STEPS) and fruitful <= (1.0 - FRUITLESS_SHARE) * steps:
             self.end(

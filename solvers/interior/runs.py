@@ -82,7 +82,7 @@ class PreparedRuns:
         return progress.solution()
 
     def begin(self, stop: Stop, start: FloatArray | None, observe: Observer | None, shortest: float) -> Progress | None:
-        """Begin a solve; return its progress, None if the problem is infeasible.
+        """Begin a solve; return its progress, or None if the problem is infeasible.
 
         Steps below the fraction ``shortest`` of a Newton step are negligible.
         """

@@ -5,8 +5,8 @@
 V = κ k diag(1, μ, μ) and S = k/(κρ) diag(1, μ, μ) of each contact transform its friction cone {‖Λ_T‖ ≤ μΛ_N} and the
 dual cone into the second-order cone; rolling friction has μ_r instead of μ. κ is the reciprocal of the largest free
 velocity of the component of the contact. α is the largest diagonal entry of its block of G without rolling rows, ρ is
-the mean of α, and k = √(ρ/α). The beginning of the path then depends neither on units nor on masses. Both factors
-contain k, so Ĝ is symmetric if G is, and r∘û does not depend on k.
+the mean of α, and k = √(ρ/α). The beginning of the central path then depends neither on units nor on masses. Both
+factors contain k, so Ĝ is symmetric if G is, and r∘û does not depend on k.
 """
 
 import numpy as np

@@ -7,8 +7,9 @@ For every v, exactly one pair r, û inside the cone has v = r − û and r ∘ �
 and for τ → 0, they tend to the projections of v and −v onto the cone. Complementarity thus holds by construction, and
 the problem becomes a system of equations in v without boundaries. A start Λ gives v = r(Λ) − û(Λ).
 
-A disc of radius b has (b, r_T) ∘ (s, û_T) = τ e with r_T and û_T along v_T: s = τb/(b² − r²), û = −τr/(b² − r²), and
-the length r is the only root of r + τr/(b² − r²) = ‖v_T‖ below b. A joint has r = v and û = 0.
+A disc of radius b has (b, r_T) ∘ (s, û_T) = τ e with r_T and û_T along v_T: s = τb/(b² − r²) and
+û_T = −τ r_T/(b² − r²), where r = ‖r_T‖ is the only root of r + τr/(b² − r²) = ‖v_T‖ below b. A joint has r = v and
+û = 0.
 """
 
 import numpy as np

@@ -135,7 +135,7 @@ class WindowDifferences:
         self._count = 0
 
     def step(self, move: FloatArray, end: FloatArray) -> FloatArray | None:
-        """Record the weighted f and the Λ' of a window; return Σ γ_j ΔΛ'_j, None if it is unknown or not finite."""
+        """Record the weighted f and the Λ' of a window; return Σ γ_j ΔΛ'_j, or None if it is unknown or not finite."""
         before, self._last = self._last, (move, end.copy())
         if before is None or len(self._moves) == 0:
             return None

@@ -259,7 +259,7 @@ def _is_rounding(residual: Residual, best: FloatArray, monitor: Monitor) -> bool
 def iterate(
     problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]], model: Model = Model.COULOMB
 ) -> PreparedIteration:
-    """Prepare an iteration for ``problem`` from a generator, all that a simple method needs to provide.
+    """Prepare an iteration for ``problem`` from a generator, which is all that a simple method provides.
 
     The result handles tolerance, limits, observers, infeasible problems, cycles, divergence and stalls.
 

@@ -2,8 +2,8 @@
 
     y = Λ^ν + β (Λ^ν − Λ^(ν−1)),      Λ^(ν+1) = sweep(y)
 
-(Polyak's heavy ball on Gauss–Seidel sweeps). Observers receive Λ, which a sweep has just projected, never y. If the
-direction turns back, (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, the next sweep has no momentum, as in the restarts of
+This is Polyak's heavy ball method on Gauss–Seidel sweeps. Observers receive Λ, which a sweep has just projected, never
+y. If the direction turns back, (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, the next sweep has no momentum, as in the restarts of
 O'Donoghue & Candès (Found. Comput. Math. 15, 2015). A change of the active set then takes one sweep and does not
 overshoot. If the residual makes no progress, β is halved. All other state of a sweep is affine in Λ and is extrapolated
 with it.

@@ -1,7 +1,7 @@
 """Stopping criteria of projected iterations.
 
 The judge's residual is measured every few sweeps. A constant residual does not end a solve: it may fall after a million
-sweeps, in which an impulse travels through a stack. A solve therefore continues to its limits unless it cannot succeed.
+sweeps, while an impulse travels through a stack. A solve therefore continues to its limits unless it cannot succeed.
 This is the case if Λ no longer changes, or rounding errors explain the residual (STALLED); if iterate ν equals iterate
 ν−2 up to rounding but differs from ν−1 (OSCILLATING, the usual failure of Jacobi sweeps); or if the residual grows
 without bound or is not a number (DIVERGED).
@@ -30,7 +30,7 @@ MIN_PLATEAU_SWEEPS = 2000
 """Lack of progress is not diagnosed before this many sweeps."""
 
 PLATEAU_PROGRESS = 0.9
-"""Sweeps make progress if the last three quarters of them reduce the best residual below this fraction."""
+"""Sweeps make progress if the last three quarters of them reduce the best residual to less than this fraction."""
 
 RECORD_RATIO = 0.99
 """A residual below this fraction of the last recorded one is recorded together with its sweep."""

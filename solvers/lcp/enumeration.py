@@ -71,7 +71,7 @@ class PreparedEnumeration:
         """
         check_stop(stop)
         n_rows = self.problem.n_rows
-        start_impulses(start, n_rows)  # refuses a wrong start
+        start_impulses(start, n_rows)  # raises an error if the start is invalid
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         if n_rows == 0:

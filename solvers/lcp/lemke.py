@@ -77,7 +77,7 @@ class Lemke(Method):
 
 def _groups(matrix: sp.csr_array) -> list[IntArray]:
     """Return the indices of each connected group of unknowns."""
-    from scipy.sparse.csgraph import connected_components  # imported here because import takes 0.1 s
+    from scipy.sparse.csgraph import connected_components  # imported here because the import takes 0.1 s
 
     count, label = connected_components(matrix, directed=False)
     order = np.argsort(label, kind="stable")
@@ -96,7 +96,7 @@ class PreparedLemke:
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Pivot through all groups; ``iterations`` counts pivots, and start and observer are ignored."""
         check_stop(stop)
-        start_impulses(start, self.problem.n_rows)  # refuses a wrong start
+        start_impulses(start, self.problem.n_rows)  # raises an error if the start is invalid
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         unknowns, pivots, rays, proofs = np.zeros(len(self.formulated.vector)), 0, 0, 0

@@ -17,10 +17,10 @@ from numba import njit
 from ...problems.arrays import FloatArray
 
 SMALLEST_PIVOTS = (1e-8, 1e-11, 1e-14)
-"""Entries of the entering column below this fraction of its largest entry count as zero.
+"""Fractions of the largest entry of the entering column below which its entries count as zero.
 
-The first value keeps rounding errors out of the tableau. The others are tried when the pivoting ends on a ray, because
-large mass ratios can make a valid pivot small.
+The first value keeps rounding errors out of the tableau. The other values are tried if the pivoting ends on a ray,
+because large mass ratios can make a valid pivot small.
 """
 
 RAY_ROUNDING = 1e-12

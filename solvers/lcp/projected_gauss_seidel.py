@@ -75,9 +75,9 @@ class Segments:
     """The one-dimensional friction laws of every block.
 
     Attributes:
-        edges: e_s in (T1, T2), unit vectors or zero if a block has fewer, shape (n_blocks, n_segments, 2).
+        edges: e_s in (T1, T2), unit vectors, or zero if a block has fewer segments, shape (n_blocks, n_segments, 2).
         share: bound of a segment relative to the friction bound, 1 (planar) or sin(π/k), shape (n_blocks,).
-        sizes: ω over the curvature along each direction [kg], shape (n_blocks, n_segments).
+        sizes: ω divided by the curvature along each edge [kg], shape (n_blocks, n_segments).
         normal_sizes: ω/G_NN [kg], shape (n_blocks,).
     """
 

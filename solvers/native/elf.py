@@ -1,7 +1,7 @@
 """Detect ELF files that cannot be loaded.
 
-Loading a truncated file kills the process, because the loader reads beyond its end. For a library of another processor,
-the loader of glibc misleadingly reports a missing file.
+Loading a truncated file kills the process, because the loader reads beyond its end. For a library that is built for
+another processor, the loader of glibc misleadingly reports a missing file.
 """
 
 import struct

@@ -58,7 +58,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Answer:
-    """The end of a solve: status, iterations, seconds by the executable's clock, impulses [N s], and text."""
+    """The result of a solve: status, iterations, seconds by the executable's clock, impulses [N s], and text."""
 
     code: int
     iterations: int
@@ -103,7 +103,7 @@ def read_prepared(source: str, message: Message) -> tuple[int, float, str]:
 
 
 def read_answer(source: str, message: Message) -> Answer:
-    """Return the end of a solve, with the declared number of impulses.
+    """Return the result of a solve, with the declared number of impulses.
 
     Raises:
         BrokenInterfaceError: if the message is too short for the declared number of impulses.

@@ -20,7 +20,7 @@ ALIGNMENT = 64
 """Alignment of the address of each array in bytes."""
 
 MAX_WEIGHT = 1e300
-"""Weight of the laws [s/m] if the free velocity is zero, relative to which any violation is infinite."""
+"""Weight of the laws [s/m] if the free velocity is zero, because the relative violation is then infinite."""
 
 _TYPES: dict[str, np.dtype[Any]] = {"d": np.dtype(np.float64), "i": np.dtype(np.int32)}
 
@@ -70,7 +70,7 @@ def _always(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
 
 
 def _scales(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
-    """Return α, and the weights ℓ ratio/scale by which the largest weighted violation is the judge's residual."""
+    """Return α, and weights ℓ · ratio/scale with which the largest weighted violation is the judge's residual."""
     residual = Residual(problem)
     structure.infeasible_law = residual.stuck_law
     scale = residual.scale if residual.scale > 0.0 else 1.0 / MAX_WEIGHT

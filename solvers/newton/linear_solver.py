@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
 PIVOT_THRESHOLD = 0.1
-"""Diagonal pivots keep the factors sparse; they are used unless below this fraction of the largest in their column."""
+"""Diagonal pivots keep the factors sparse; they are used unless below this fraction of their column's largest entry."""
 
 SLACK = 2.0
 """Safety factor of a prediction."""
 
 EXPONENT = 3.0
-"""Exponent of the time in the number of entries: 1.5 for dense matrices and planar grids, 2 or more for spatial
-grids."""
+"""Exponent of the predicted time in the number of entries. In theory, it is 1.5 for dense matrices and planar grids,
+and 2 or more for spatial grids."""
 
 FIRST_PART_ROWS = 500
 """Number of rows of the first part that is factorised to measure the time."""
@@ -49,7 +49,7 @@ SMALL_ENTRIES, SMALL_SECONDS = 10_000, 5e-3
 
 
 class LinearSolver:
-    """Solves the systems of one solve and counts their work.
+    """Solver of the linear systems of one solve, which counts their work.
 
     Attributes:
         lacks_time: whether a system was skipped because it might have missed the deadline.
@@ -95,7 +95,7 @@ class LinearSolver:
 
     def _meets_deadline(self, matrix: sp.csr_array) -> bool:
         """Whether a factorisation is expected to meet the deadline; if that is uncertain, factorise parts first."""
-        from scipy.sparse.csgraph import reverse_cuthill_mckee  # imported here because import takes 0.1 s
+        from scipy.sparse.csgraph import reverse_cuthill_mckee  # imported here because the import takes 0.1 s
 
         order = None
         while self._predict(matrix.nnz) > self._clock.remaining:
@@ -126,7 +126,7 @@ class LinearSolver:
 
 def factorise(matrix: sp.csr_array) -> "SuperLU | None":
     """Return the triangular factors of a square matrix, or None if it is exactly singular."""
-    from scipy.sparse.linalg import splu  # imported here because import takes 0.1 s
+    from scipy.sparse.linalg import splu  # imported here because the import takes 0.1 s
 
     try:
         return splu(

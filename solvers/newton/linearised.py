@@ -13,7 +13,7 @@ bound:
 
 Rolling friction has the states of sliding friction, with its own rows and bound. A bilateral law is always closed.
 Open and idle rows are not in the system. On the other rows, the step δ satisfies ξ + Gδ = 0 if the law is closed or
-sticks. With κ = b/‖x_T‖ and P = κ(I − t tᵀ), and multiplied by α, the equation is
+sticks. With κ = b/‖x_T‖ and P = κ(I − t tᵀ), the equation, multiplied by α, is
 
     P (Gδ)_T + α(I − P) δ_T − αμ t δ_N = α(b t − Λ_T)            if it slips.
 

@@ -1,15 +1,15 @@
 """SAP: Newton's method for body velocities, with contacts as stiff springs inside their cones.
 
 The semi-analytic primal method (Castro, Permenter & Han, IEEE Transactions on Robotics 39(2), 2023) minimises over
-velocities the energy that the convex model minimises over impulses. In the units of ``cone``, with Λ = d x, W̃ = Sᵀ W d
-and ξ = W̃ᵀ w + d c, it minimises
+velocities the energy that the convex model minimises over impulses. In the units of ``cone``, with Λ = d x, M⁻¹ = S Sᵀ,
+W̃ = Sᵀ W d, ξ = W̃ᵀ w + d c, a compliance R and multipliers x̄, it minimises
 
     ℓ(w) = ½‖w‖² + ½ R Σ ‖x_i(w)‖²,      x_i(w) = P_K(x̄_i − ξ_i / R),      ∇ℓ = w − W̃ x,      ∇²ℓ = I + W̃ (D/R) W̃ᵀ
 
 with D the derivatives of the projections. ℓ is convex, twice differentiable almost everywhere, and unconstrained. A
 step needs one factorisation over bodies, for any number of redundant contacts. With x̄ = 0, contacts penetrate with the
-velocity R x. This is the published method, which solves a relaxed model. Here each minimisation updates x̄ (multipliers
-of Hestenes and Powell), and R decreases, so that the relaxation vanishes.
+velocity R x. This is the published method, which solves a relaxed model. Here x̄ is updated after each minimisation
+(the method of multipliers of Hestenes and Powell), and R decreases, so that the relaxation vanishes.
 """
 
 from collections.abc import Iterator
@@ -59,7 +59,7 @@ class SAP(Method):
         return unsupported_laws(problem) or convex_obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
-        """Scale W̃, and assemble G for the units of contacts."""
+        """Scale W̃, and assemble G to find the units of the contacts."""
         self.check_supports(problem)
         assert problem.factors is not None
         cone = ConeProblem.of(problem)
@@ -90,7 +90,7 @@ class _Springs:
         return 0.5 * float(w @ w) + 0.5 * self.compliance * float(x @ x)
 
     def step(self, w: FloatArray, gradient: FloatArray) -> FloatArray | None:
-        """Return the Newton step from w, None if the Hessian is singular."""
+        """Return the Newton step from w, or None if the Hessian is singular."""
         layout = self._cone.layout
         blocks = _derivatives(self._cone, layout.pad(self._argument(w))) / self.compliance
         n, width = layout.n_blocks, layout.width

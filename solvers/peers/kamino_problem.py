@@ -1,10 +1,10 @@
 """Contact problems as dual problems of Kamino, and the import of Kamino.
 
-Kamino (in Newton, Tsounis et al.) builds its dual problem from a model of bodies. Here its arrays are filled with the
-numbers of a contact problem: one world, a dense D = G in single precision, v_f = c and no preconditioner. Its rows are,
-in this order, bilateral rows, rows with fixed bounds, unilateral rows, and rows T1, T2, N of contacts. The data are
-scaled by units of the problem (``Scaling``). G then has a diagonal of about 1 and c is at most 1, so that Kamino's
-absolute tolerances have the same meaning for every problem.
+Kamino (a part of Newton, Tsounis et al.) builds its dual problem from a model of bodies. Here its arrays are filled
+with the numbers of a contact problem: one world, a dense D = G in single precision, v_f = c and no preconditioner. Its
+rows are, in this order, bilateral rows, rows with fixed bounds, unilateral rows, and rows T1, T2, N of contacts. The
+data are scaled by units of the problem (``Scaling``). G then has a diagonal of about 1 and c is at most 1, so that
+Kamino's absolute tolerances have the same meaning for every problem.
 
 This module uses private interfaces of Kamino. Only the tested version is therefore supported.
 """

@@ -24,7 +24,7 @@ OWN_TOLERANCES = (*(10.0**-digits for digits in range(2, 17)), 1e-30)
 """MuJoCo's tolerances of the cost, in the order of the calls; with the last one, only rounding ends a call."""
 
 FIRST_ITERATIONS, GROWTH = 100, 10
-"""Iteration limit of the first call, and factor on the limit after a call that does not meet MuJoCo's tolerance."""
+"""Iteration limit of the first call, and factor of the limit after a call that does not meet MuJoCo's tolerance."""
 
 
 @dataclass(frozen=True)

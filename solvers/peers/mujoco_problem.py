@@ -1,8 +1,8 @@
 """MuJoCo's constraint stage, filled with a convex program.
 
-The model has the required numbers of coordinates and constraint rows: a slide joint of mass 1 for each
-coordinate, an equality for each bilateral law, friction loss for each friction law with a fixed bound, and a sphere on
-a plane for each contact. Its kinematics are not used.
+The model has the required numbers of coordinates and constraint rows: a slide joint of mass 1 for each coordinate, an
+equality for each bilateral law, a friction loss for each friction law with a fixed bound, and a sphere on a plane for
+each contact. Its kinematics are not used.
 """
 
 import importlib

@@ -1,7 +1,7 @@
 """Convex programs for MuJoCo's constraint stage, from contact problems and from captured steps.
 
-A problem gives the program ½ Λᵀ (G + R) Λ + Λᵀ c with a chosen R. In the coordinates S⁻¹ u, with M⁻¹ = S Sᵀ, the mass
-matrix is the identity, and J = (Sᵀ W)ᵀ gives J Jᵀ = G. If velocities take the place of accelerations, with
+A problem gives the program ½ Λᵀ (G + R) Λ + Λᵀ c with a chosen R. With M⁻¹ = S Sᵀ and velocities S⁻¹ u in place of u,
+the mass matrix is the identity, and J = (Sᵀ W)ᵀ gives J Jᵀ = G. If velocities take the place of accelerations, with
 q̈_smooth = 0 and a_ref = −c, the forces of MuJoCo are the impulses. A captured step gives the program of its engine:
 its A, R, b and sets, with a_ref = −b. The data are scaled: the matrix has a diagonal of about 1, and c or b is at most
 1.
@@ -68,8 +68,8 @@ class ConeProgram:
         bounds: largest force of each friction loss, shape (n_bounded,).
         dims: number of rows of each contact, 1, 3, 4 or 6; limits and edges of pyramids are contacts of one row.
         coefficient: μ of each friction row of a contact, shape (n,).
-        impulses: Λ [N s] of the problem from the forces of the program.
-        forces: forces of the program from Λ.
+        impulses: function that returns Λ [N s] of the problem from the forces of the program.
+        forces: function that returns the forces of the program from Λ.
     """
 
     jacobian: FloatArray

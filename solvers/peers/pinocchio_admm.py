@@ -14,7 +14,7 @@ TOLERANCE_RATIO = 0.5
 """Pinocchio's first tolerance, relative to that of the solve; in scaled units, both measure nearly the same."""
 
 STEP_SECONDS = 1e-9
-"""Time of a Lanczos step per row of G and per earlier step [s]; it is orthogonalised against all earlier steps."""
+"""Time of a Lanczos step per row of G and per earlier step [s]; vectors are orthogonalised against all earlier ones."""
 
 LANCZOS_SHARE = 0.5
 """Largest share of the time limit for Lanczos steps, which cannot be interrupted."""
@@ -62,12 +62,12 @@ class PinocchioADMM(Method):
 
 
 def lanczos_steps(wanted: int, n_rows: int, max_seconds: float) -> int:
-    """Return the number of Lanczos steps: the option, or one per row for 0, at least two, reduced to the time limit.
+    """Return the number of Lanczos steps: the option, at most one per row, reduced to the time limit but not below two.
 
     The time is estimated, not measured, so that solves with equal limits have equal results.
 
     Args:
-        wanted: the option.
+        wanted: the option; 0 means one per row.
         n_rows: rows of G.
         max_seconds: time limit of the solve [s].
     """

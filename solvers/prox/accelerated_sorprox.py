@@ -1,4 +1,4 @@
-"""SORprox over the Delassus matrix with ω = 1 and an acceleration: two methods that differ only in the acceleration.
+"""SORprox over the Delassus matrix with ω = 1 and an acceleration: two methods with different accelerations.
 
     NesterovSORprox     momentum by Nesterov's sequence, with restarts      (``iteration.momentum``)
     AndersonSORprox     Anderson acceleration every three sweeps            (``iteration.anderson``)
@@ -50,7 +50,7 @@ class NesterovSORprox(_AcceleratedSORprox):
 
 @dataclass(frozen=True)
 class AndersonSORprox(_AcceleratedSORprox):
-    """SORprox over the Delassus matrix with Anderson acceleration every three sweeps.
+    """SORprox over the Delassus matrix with Anderson acceleration every three sweeps or less often.
 
     Attributes:
         memory: number of differences between windows to keep, 0 for no acceleration.

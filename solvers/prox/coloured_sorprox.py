@@ -50,7 +50,7 @@ class ColouredSORprox(Method):
         relaxation: ω, as in ``SORprox``.
         momentum, momentum_delay: β and d, as in ``SORprox``.
         threads: number of threads, at most the number of cores that the process may use. Each thread needs 2000
-            contacts and a slab of each colour; if there are fewer, fewer threads are used, and the message says so.
+            contacts and a slab of each colour; if there are fewer, fewer threads are used, and the message reports it.
 
     Raises:
         SolverError: if an option is out of range.

@@ -2,8 +2,8 @@
 
 Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177 (1999).
 
-The normal and tangential impulses of a contact are always consistent. In methods that visit single laws they are not,
-and these methods may cycle at high friction.
+The normal and tangential impulses of a contact are always consistent. In methods that visit single laws, they may be
+inconsistent, and such methods may cycle at high friction.
 """
 
 from dataclasses import dataclass

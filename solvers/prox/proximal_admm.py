@@ -2,10 +2,10 @@
 
     x ← −(G + (ρ+η) I)⁻¹ (c + s e_N − η x − ρ y + z),      y ← P_K(x + z/ρ),      z ← z + ρ (x − y)
 
-De Saxcé's shift s = μ‖z_T‖ is updated in every iteration, because −z is ξ + s e_N in the limit (Carpentier, Le Lidec
-& Montaut, RSS 2024). The first ρ is √(Lm) (L/m)^0.2, where L is the largest eigenvalue and m = η. ρ changes by
-(L/m)^±0.05 if the primal and dual residuals, ‖x − y‖ and ρ‖y − y'‖, differ more than tenfold. Each new ρ needs a
-factorisation.
+De Saxcé's shift s = μ‖z_T‖ is updated in every iteration, because −z is ξ + s e_N in the limit (Carpentier, Le Lidec &
+Montaut, RSS 2024). The first ρ is √(Lm) (L/m)^0.2, where L is the largest eigenvalue of G and m = η. ρ changes by
+(L/m)^±0.05 if the primal and dual residuals, ‖x − y‖ and ρ‖y − y'‖ with the previous y', differ more than tenfold. Each
+new ρ needs a factorisation.
 
 Anderson acceleration acts on w = x + z/ρ, because one iteration is a map of w. It restarts if ρ changes, or if w moves
 more than twice as far as before.
@@ -34,7 +34,7 @@ FIRST_EXPONENT, CHANGE_EXPONENT, MAX_RESIDUAL_RATIO = 0.2, 0.05, 10.0
 """Exponents of the first ρ and of its changes, and the ratio of residuals that triggers a change."""
 
 INTERVAL = 10
-"""Iterations between comparisons of the residuals; a change of ρ takes as long as several dozen iterations."""
+"""Number of iterations between comparisons of residuals; a change of ρ takes as long as several dozen iterations."""
 
 MAX_PENALTY = 1e3
 """Largest ρ relative to L."""

@@ -31,7 +31,7 @@ class SORprox(Method):
         form: sweep over the assembled "delassus" matrix, or over the "factors" W and M⁻¹, which update the generalised
             velocity and never assemble G. Both give the same iterates up to rounding.
         momentum: β, the fraction of the last change that is added before each sweep (see ``iteration.momentum``); 0 is
-            the method of the paper. On a thousand flowing balls ω = 1.2 with β = 0.75 needs half the sweeps of ω = 1.5
+            the method of the paper. On a thousand flowing balls, ω = 1.2 with β = 0.75 needs half the sweeps of ω = 1.5
             without momentum. With "measured" and ω = 1.1, β follows the rate of convergence (see
             ``iteration.measured_momentum``).
         momentum_delay: d; after k sweeps, β is at most k/(k + d). With d = 4, β = 0.8 and ω = 1.1, fewer sweeps reach
@@ -59,7 +59,7 @@ class SORprox(Method):
         return None
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
-        """Assemble the step sizes and the data of the form."""
+        """Compute the step sizes and assemble the data of the form."""
         self.check_supports(problem)
         sweep: DelassusSweep | FactorSweep | BallSweep
         if self.form == "factors":

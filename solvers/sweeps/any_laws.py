@@ -154,7 +154,7 @@ def project_all(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _velocity_of_lanes(first, last, begin, end, chunks, pieces, scaled, free, xi):  # type: ignore[no-untyped-def]
-    """Write ξ of the lanes ``first`` to ``last`` of a block, whose pieces are those from ``begin`` to ``end``."""
+    """Write ξ of the lanes ``first`` to ``last`` − 1 of a block, whose pieces are ``begin`` to ``end`` − 1."""
     length = pieces.shape[2]
     for lane in range(first, last):
         total = free[lane]

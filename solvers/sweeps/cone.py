@@ -5,7 +5,7 @@ entry of each contact in d G d is then one for any masses, and the cones keep th
 
     K = {x_N ≥ 0, ‖x_T‖ ≤ a/d + μ x_N}.
 
-Splittings and gradient methods, which weight all contacts equally, work on x.
+Splitting and gradient methods, which weight all contacts equally, work on x.
 """
 
 from dataclasses import dataclass

@@ -58,8 +58,8 @@ class FactorSweep:
     def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
         """Return the sweep of ``problem``, which holds factors, with step sizes as in ``step_size``.
 
-        Specialised kernels sweep over spatial contacts of two bodies, or of a body and the ground, in batches if these
-        fill.
+        Specialised kernels sweep over spatial contacts of two bodies, or of a body and the ground, in batches if few
+        lanes stay empty.
         """
         layout, pieces = problem.layout, problem.factor_pieces()
         free = layout.pad(problem.free_velocity).reshape(-1)

@@ -31,7 +31,7 @@ NO_JAM = 0.99
 """Value of (μ‖g_NT‖/G_NN)² below which friction cannot close a contact that opens without friction."""
 
 STRAY = 1e-13
-"""Velocity in the wrong direction and excess over a bound, relative to their terms, that count as rounding errors."""
+"""Largest velocity in the wrong direction, and excess over a bound, relative to their terms, due to rounding errors."""
 
 
 @njit(cache=True, inline="always")
@@ -137,7 +137,7 @@ def spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyp
 
 @njit(cache=True, error_model="numpy")
 def solve_usual_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2):  # type: ignore[no-untyped-def]
-    """Return what ``solve_spatial`` does and True, or False as the last value if the state is not a usual one.
+    """Return the result of ``solve_spatial`` and True, or False as the last value if the state is not a usual one.
 
     A usual state is open, stick of a regular block, or the slip to which Newton's method leads from the current
     impulse.
@@ -345,7 +345,7 @@ def _two_equations(s11, s12, s21, s22, r1, r2):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_2):  # type: ignore[no-untyped-def]
-    """Return what ``_stick`` does for S of rank one: Λ_T = x u + y v with S v = 0, where only x is determined."""
+    """Return the result of ``_stick`` for S of rank one: Λ_T = x u + y v with S v = 0, where only x is determined."""
     if abs(s11) + abs(s12) >= abs(s21) + abs(s22):
         u1, u2 = s11, s12
     else:
@@ -365,7 +365,7 @@ def _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_
         bound = a + mu * n
         if n >= 0.0 and bound >= 0.0 and x * x + y * y <= bound * bound * (1.0 + STRAY):
             return t1, t2, True
-        if abs(slope) < 1.0:  # here the bound exceeds ‖Λ_T‖ most, if it does so anywhere
+        if abs(slope) < 1.0:  # at the next y, the bound exceeds ‖Λ_T‖ most, if it does so anywhere
             if attempt > 0:
                 break
             y = abs(x) * slope / np.sqrt(1.0 - slope * slope)

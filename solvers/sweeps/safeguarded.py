@@ -2,8 +2,8 @@
 
 A slipping contact converges under SORprox only if |1 − ω(1 + μ|G_NT|/G_NN)| < 1. Contacts of high friction can cycle
 even if each is solved exactly, and it is unknown beforehand which contacts will slip. All contacts therefore begin with
-the step of the method. Every few sweeps the last two increments of each contact, d = Λ^ν − Λ^(ν−1), are compared. If
-they are opposed and do not shrink, in the norm of √α Λ (the contact's own scale of energy),
+the step of the method. At intervals, the last increment of each contact, d = Λ^ν − Λ^(ν−1), is compared with the one
+before, d'. If they are opposed and do not shrink, in the norm of √α Λ (the contact's own scale of energy),
 
     dᵀd' < −OPPOSED ‖d‖ ‖d'‖      and      ‖d‖ > SHRINKS ‖d'‖,
 

@@ -16,7 +16,7 @@ from .preparation import COUPLED, NEEDS_OTHER_SWEEPS, prepare_over_columns, prep
 from .sweeps import cut_store, sweep_coupled, sweep_uncoupled
 
 NOT_SOLVED = 0
-"""Outcome of a problem that sweeps alone do not solve. The outcome of other problems is the kind of their coupling."""
+"""Outcome of a problem that sweeps alone do not solve. The outcome of any other problem is the kind of its coupling."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -100,7 +100,7 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _laws_of(laws, k):  # type: ignore[no-untyped-def]
-    """Return the arguments of preparation and sweeps for the laws ``k``."""
+    """Return the arguments of preparation and sweeps for laws number ``k``."""
     (
         of_law,
         of_row,

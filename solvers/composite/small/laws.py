@@ -27,7 +27,7 @@ class LawArguments(NamedTuple):
 
     @staticmethod
     def of(laws: Laws) -> "LawArguments | None":
-        """Return the arguments, or None if the laws are not contacts with equal numbers of rows."""
+        """Return the arguments, or None unless the laws form contacts with equal numbers of rows."""
         given = laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound
         are_equal_contacts, *arrays = _lay_out_contacts(*given)
         if not are_equal_contacts:
@@ -54,10 +54,10 @@ def law_arguments(laws: Laws) -> LawArguments | None:
 @interpretable
 @njit(cache=True)
 def _lay_out_contacts(kind, partner_law, mu, fixed):  # type: ignore[no-untyped-def]
-    """Return whether the laws are contacts with equal numbers of rows, and the arrays of ``Laws`` and ``BlockLayout``.
+    """Return whether the laws form contacts with equal numbers of rows, and the arrays of ``Laws`` and ``BlockLayout``.
 
     The arrays hold, for each law, its set, its number of rows and whether it is rolling friction; for each row, its
-    slot and its contact; and for each contact, its partner, μ, a, and the normal lane of its partner.
+    slot and its contact; and for each contact, its partner, μ, the fixed bound, and the normal lane of its partner.
     """
     n_laws, n_rows = len(kind), 0
     sets, row_count = np.empty(n_laws, dtype=np.int8), np.empty(n_laws, dtype=np.int64)

@@ -80,7 +80,7 @@ def prepare_over_pieces(  # type: ignore[no-untyped-def]
     contacts,
     partner,
 ):
-    """Return the data of ``_pack_data`` for a problem given by the pieces of W̃ = Sᵀ W."""
+    """Return the data of ``_pack_data`` for a problem given by the pieces of W̃ = Sᵀ W, with M⁻¹ = S Sᵀ."""
     laws = (sets, row_count, is_rolling, first_row, partner_law)
     return _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
 

@@ -1,9 +1,9 @@
-"""Robust on a small problem: one kernel call prepares the sweeps, and one does them.
+"""Robust on a small problem: one kernel call prepares the sweeps, and another runs them.
 
 In ``Robust``, Python code runs between the kernels. On ten contacts, this code takes ten times as long as the kernels.
-Here one kernel does an entire ordinary solve. Its operations and their order are those of ``Robust``. Impulses,
-iterations and message are therefore the same. If the kernel stops early, for example because the residual grows,
-``Robust`` solves the problem from the start; the attempt costs less than a tenth of its time.
+Here one kernel runs all sweeps and checks of an ordinary solve. Its operations and their order are those of ``Robust``.
+Impulses, iterations and message are therefore the same. If the kernel stops early, for example because the residual
+grows, ``Robust`` solves the problem from the start; the attempt costs less than a tenth of that solve.
 """
 
 from collections.abc import Callable
@@ -24,11 +24,11 @@ from .preparation import COUPLED, NEEDS_OTHER_SWEEPS, prepare_over_columns, prep
 from .sweeps import sweep_coupled, sweep_uncoupled
 
 SWEEP_SECONDS_PER_NUMBER = 2.5e-9
-"""Upper bound of the time of a sweep [s], per entry of G, with 20 more entries for each row: twice the time on a slow
-core."""
+"""Upper bound of the time of a sweep [s] per entry of G, where each row counts as 20 further entries: twice the time on
+a slow core."""
 
 MAX_SWEEPS = 10**9
-"""Largest iteration limit that the kernel receives, a 64-bit integer."""
+"""Largest iteration limit that the kernel receives, as a 64-bit integer; larger limits are reduced to it."""
 
 COUPLED_MESSAGE, UNCOUPLED_MESSAGE = (
     f"{sweeps.name}: {Status.SOLVED}" for sweeps in (SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS)
@@ -88,7 +88,7 @@ class PreparedSmall:
 def prepare_small(
     problem: ContactProblem, prepare_by_parts: Callable[[ContactProblem], Prepared]
 ) -> PreparedSmall | None:
-    """Return the prepared sweeps of a small problem, or None if ``Robust`` does not begin with these sweeps."""
+    """Return the prepared sweeps of a small problem; None if they do not suit it or the kernels are not in use yet."""
     free = problem.free_velocity
     if not 0 < len(free) <= MAX_SMALL_SIZE or not _KERNELS.should_use():
         return None

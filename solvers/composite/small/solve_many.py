@@ -45,7 +45,7 @@ class SolvedProblems(NamedTuple):
 def solve_many(
     problems: Iterable[ContactProblem | str | Path], tolerance: float = 1e-6, *, threads: int = 1, **limits: Any
 ) -> SolvedProblems:
-    """Solve many problems by ``Robust``, with the same results as separate solves, and judge each solution.
+    """Solve many problems with ``Robust``, with the same results as separate solves, and judge each solution.
 
     Problems of up to 150 rows, given by G or by the columns of W with a diagonal M⁻¹, are solved in batches. Other
     problems, and those that sweeps alone do not solve, are solved one by one in one thread.
@@ -54,13 +54,13 @@ def solve_many(
         problems: the contact problems, their names, or the paths of their files.
         tolerance: the judge's residual to reach.
         threads: number of threads; solutions are bitwise identical for any number.
-        limits: ``max_iterations`` and ``max_seconds`` of each problem.
+        limits: ``max_iterations`` and ``max_seconds`` per problem.
 
     Returns:
         The solutions in the order of the problems, and the judge's residuals, shape (n_problems,).
 
     Raises:
-        ProblemError: from ``load``.
+        ProblemError: if a problem cannot be loaded.
         SolverError: if an element is not a problem, an option is out of range, or there are more threads than cores.
         InsufficientMemoryError: if the available memory does not suffice for joined copies of the problems.
     """
@@ -102,7 +102,7 @@ class Batch(NamedTuple):
 
     Attributes:
         kernel: the function of ``batch`` for this form.
-        indices: the index of each problem among all.
+        indices: the index of each problem among all problems.
         rows: the first row of each problem, then the total number of rows.
         arguments: the arguments of the kernel between the range of problems and the tolerance.
     """
@@ -136,7 +136,7 @@ class Batch(NamedTuple):
 
 
 def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator[Batch]:
-    """Yield batches of small problems whose sweeps end in time: those given by G, and by W and a diagonal M⁻¹."""
+    """Yield up to two batches of small problems whose sweeps end in time, given by G, or by W and a diagonal M⁻¹."""
     over_matrices, over_columns = _Members(), _Members()
     for index, problem in enumerate(problems):
         is_small = 0 < problem.n_rows <= MAX_SMALL_SIZE and longest_seconds(problem.n_rows) <= max_seconds
@@ -208,7 +208,7 @@ class _Members:
 
 
 def _joined(arrays: Sequence[Any]) -> Any:
-    """Return the concatenated arrays, read-only if they are."""
+    """Return the concatenated arrays, read-only if the first one is."""
     whole = np.concatenate(arrays)
     whole.setflags(write=arrays[0].flags.writeable)
     return whole

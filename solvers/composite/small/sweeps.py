@@ -1,7 +1,7 @@
 """Sweeps of a small problem from the first impulses to the outcome, in one kernel.
 
-Both kernels do what ``Robust`` does in an ordinary solve: they sweep, check the residual at the same intervals, and end
-when it reaches the tolerance. They stop without an outcome if ``Robust`` might act otherwise: if a window of sweeps
+Both kernels do what ``Robust`` does in an ordinary solve: they sweep, check the residual at the same iterations, and
+end when it reaches the tolerance. They stop without an outcome if ``Robust`` might act otherwise: if a window of sweeps
 gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may affect the residual.
 """
 
@@ -29,7 +29,7 @@ from ..windows import SHORT_WINDOW
 from .preparation import N_WORK, ROWS_OF_NUMBERS
 
 FIRST_INTERVAL, LAST_INTERVAL = INTERVALS[0], len(INTERVALS) - 1
-"""Number of sweeps in the first interval of ``SafeguardedSORprox``, and index of its last one."""
+"""Number of sweeps in the first interval of ``SafeguardedSORprox``, and index of its last interval."""
 
 SOLVED, CONTINUE, UNUSUAL = 1, 0, -1
 """Results of a check: the tolerance is reached, sweeps continue, or the sweeps end without an outcome."""
@@ -142,7 +142,7 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
             return state == SOLVED, iteration
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
         iteration += count
-        if iteration >= FIRST_INTERVAL:  # from here on, ``NSGS`` also compares increments, unlike this kernel
+        if iteration >= FIRST_INTERVAL:  # from here on, ``NSGS`` also compares increments
             return False, iteration
         if not _solve_blocks(width, count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses):
             return False, iteration
@@ -150,7 +150,7 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _begin_progress():  # type: ignore[no-untyped-def]
-    """Return the best residual, the first one, checks without progress, and start and residual of the window."""
+    """Return the best and first residual, number of checks without progress, and start and residual of the window."""
     none = np.int64(0)  # a literal would make numba compile ``_check`` once more
     return np.inf, np.inf, none, none, np.inf
 

@@ -105,7 +105,7 @@ def _add_entry(f11, f12, f21, i, j, block):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _add_update(quarter, b, rows, row_shift, columns, column_shift, update, row_from, column_from):  # type: ignore[no-untyped-def]
-    """Add a part of a child's update to a quarter of the front, at block rows and columns counted from the shifts."""
+    """Add a part of a child's update to a quarter of the front, at block rows and columns relative to the shifts."""
     for x in range(len(rows)):
         for k in range(b):
             i, source = b * (rows[x] - row_shift) + k, b * (row_from + x) + k

@@ -1,4 +1,4 @@
-"""The reduced Newton system over bodies: (Ĝ + D) dr = b with Ĝ = V WᵀM⁻¹W S never assembled.
+"""The reduced Newton system over bodies: (Ĝ + D) dr = b, where Ĝ = V WᵀM⁻¹W S is never assembled.
 
 V and S are the scales of ``scaled_problem``. With M⁻¹ = T Tᵀ, L = TᵀW S and R = TᵀW V, so that Ĝ = RᵀL,
 
@@ -60,7 +60,7 @@ class BodySystem:
         return self._factors.factorise(self._blocks)
 
     def determinant_sign(self) -> float:
-        """Return the sign of det (Ĝ + D) = det D · det (M + W D⁻¹ Wᵀ) / det M."""
+        """Return the sign of det (Ĝ + D) = det D · det (I + L D⁻¹ Rᵀ)."""
         return self._sign * self._factors.determinant_sign()
 
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:

@@ -36,7 +36,7 @@ class Elimination:
         children: supernodes, by parent.
         entry_starts: first index in ``entries`` of the entries of each front, shape (n_nodes + 1,).
         entries: stored blocks of the matrix, by supernode.
-        entry_places: row and column of each of them in its front, shape (2, n_entries).
+        entry_places: row and column of each entry in its front, shape (2, n_entries).
         factor_starts: first index of the factors of each supernode, shape (n_nodes + 1,).
         stack_size: largest size of the stack of updates.
     """
@@ -88,7 +88,7 @@ def elimination(starts: IntArray, columns: IntArray, max_columns: int = MAX_COLU
 
 def _minimum_degree(starts: IntArray, columns: IntArray) -> IntArray:
     """Return the order with little fill that SuperLU finds for a diagonally dominant matrix of the pattern."""
-    from scipy.sparse.linalg import splu  # imported here because import takes 0.1 s
+    from scipy.sparse.linalg import splu  # imported here because the import takes 0.1 s
 
     n = len(starts) - 1
     if n < 3:

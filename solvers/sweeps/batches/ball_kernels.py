@@ -1,7 +1,8 @@
 """Compiled loops over contacts of balls in batches, from one record with a normal for each contact.
 
-The balls of a system share κ = r²m/J (see ``matrices.ball_contacts``). When the impulse of a contact changes by P, a
-sweep updates v and τ, where κτ = σ = rω for the radius r and the angular velocity ω,
+The balls of a system share κ = r²m/J for the radius r, the mass m and the moment of inertia J (see
+``matrices.ball_contacts``). When the impulse of a contact changes by P, a sweep updates the velocity v and τ, where
+κτ = σ = rω for the angular velocity ω,
 
     ξ = n·d + c_N,   T1·d − T2·s + c_1,   T2·d + T1·s + c_2      with d = v_i − v_j, s = κ(τ_i + τ_j),
     v_i += P/m_i,   v_j −= P/m_j,   τ_i −= (n × P)/m_i,   τ_j −= (n × P)/m_j.

@@ -19,7 +19,7 @@ from ....problems.contact.matrices.pieces import Pieces
 from ...iteration.momentum import extrapolate, momentum_after
 
 LANES = 16
-"""Number of contacts in a batch, the smallest one for which compilers vectorise a loop of known length."""
+"""Number of contacts in a batch, the smallest number for which compilers vectorise a loop of known length."""
 
 MIN_FILL = 0.75
 """Smallest share of used lanes for which batches save time."""
