@@ -53,7 +53,7 @@ def check_start(bodies: RigidBodies, start: State) -> None:
 
 
 def _check_shapes(bodies: RigidBodies) -> None:
-    """Raise ``ProblemError`` if two bodies that may meet need coal and it is not installed."""
+    """Raise ``ProblemError`` if two bodies that may touch need coal and it is not installed."""
     shapes = [*bodies.shapes, *(body.shape for body in bodies.fixed)]
     joined = set() if bodies.joints is None else set(map(tuple, bodies.joints.pairs.tolist()))
     cylinders = [body for body, shape in enumerate(shapes) if isinstance(shape, Cylinder)]
