@@ -79,7 +79,7 @@ class ActiveContacts:
         return len(self.keys) if self.row_counts is None else int(self.is_contact.sum())
 
     def normals(self, rows: FloatArray) -> FloatArray:
-        """Return the values in the first row of each contact, without joints, of a vector over rows, shape (n_contacts,)."""
+        """Return the first value of each contact, without joints, from a vector over rows, shape (n_contacts,)."""
         return rows[:: self.width] if self.row_counts is None else rows[self.first_rows[self.is_contact]]
 
     def lanes(self, rows: FloatArray) -> FloatArray:

@@ -269,7 +269,7 @@ class RigidJoints:
             )
 
     def _reached(self, poses: FloatArray, margin: float) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Return indices, gaps and derivatives of limits with a gap below ``margin``, without ropes of distance 0."""
+        """Return indices, gaps and derivatives of limits with a gap below ``margin``, without ropes with |d| = 0."""
         if not len(self._gaps.kind):
             return self._gap_keys, np.zeros(0), np.zeros((0, 2, 6))
         values, rates = self._gaps.at(poses)
