@@ -35,7 +35,7 @@ class Conservative(Protocol):
     """An effect whose forces have a potential."""
 
     def potential_energy(self, centres: FloatArray, masses: FloatArray) -> float:
-        """Return V [J] of balls with masses [kg], shape (n,), at ``centres`` [m], shape (n, d)."""
+        """Return V [J] of bodies with ``masses`` [kg], shape (n,), at ``centres`` [m], shape (n, d)."""
         ...
 
 

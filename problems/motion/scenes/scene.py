@@ -106,7 +106,7 @@ class Scene:
         options: the value of every option.
         system: the mechanical system.
         start: the initial state.
-        length: reference length of penetrations [m], the radius of a ball or of the pole.
+        length: reference length of penetrations [m], such as the radius of a ball.
         step_size: default Δt of a fixed step [s].
         duration: default simulated time [s].
         kinetic_energy: u ↦ T [J], without that of driven bodies.

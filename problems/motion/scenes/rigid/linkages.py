@@ -258,7 +258,7 @@ class BallOnChain:
 
     @property
     def highest_frequency(self) -> float:
-        """Highest angular frequency of small oscillations [rad/s], those of rods transverse to the pull of the ball."""
+        """Highest angular frequency of small oscillations [rad/s], that of rods transverse to the pull of the ball."""
         lengths, system = np.full(self.n_links + 1, self.length), self.system()
         offsets = np.append(0.5 * lengths[:-1], self.radius)
         return float(swing_modes(lengths, offsets, system.masses, system.moments[:, 1], self.gravity)[0][-1])

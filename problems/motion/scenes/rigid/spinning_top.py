@@ -8,8 +8,8 @@ tip, C that about its own axis, θ the tilt, and n the angular velocity along th
 
 (Goldstein, *Classical Mechanics*, section 5.7). The smaller root, about m g l/(C n), is the slow precession.
 
-The midpoint rule approximates this motion with order 2 if the tip is a joint. On the ground its order is 1, because W in
-Wᵀ u_E = 0 is taken at the midpoint, half a step before u_E.
+With the tip on a joint, the midpoint rule has order 2. On the ground it has order 1, because W in Wᵀ u_E = 0 is taken
+at the midpoint, half a step before u_E.
 """
 
 from collections.abc import Sequence
