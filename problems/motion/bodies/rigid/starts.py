@@ -19,10 +19,10 @@ def check_start(bodies: RigidBodies, start: State) -> None:
     """Check that numbers are valid, joints close, bodies do not penetrate deeply, and coal is installed if needed.
 
     Raises:
-        ProblemError: if coal is not installed although contacts may need it, a vector has a wrong length or is not finite, a
-            quaternion does not have unit length, a joint does not close or is beyond a limit, or a contact is deeper
-            than ``MAX_START_DEPTH`` times the thickness of the thinner body. The message names the worst joint or
-            contact.
+        ProblemError: if coal is not installed although contacts may need it, a vector has a wrong length or is not
+            finite, a quaternion does not have unit length, a joint does not close or is beyond a limit, or a contact is
+            deeper than ``MAX_START_DEPTH`` times the thickness of the thinner body. The message names the worst joint
+            or contact.
     """
     _check_shapes(bodies)
     for name, values, count in (("position", start.position, 7), ("velocity", start.velocity, 6)):
