@@ -21,7 +21,7 @@ class Name:
 
     Attributes:
         plain: the name of the class, function or scene.
-        options: values by option.
+        options: values by name of the option.
         parts: its parts in order; empty for most names.
     """
 
@@ -39,7 +39,7 @@ def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -
 
     Args:
         text: the text to parse.
-        kind: the kind of thing it names, for the error message: "solver".
+        kind: the kind of thing that the text names, such as "solver", for the error message.
         example: a name with options, for the error message.
         error: the class of the error.
 

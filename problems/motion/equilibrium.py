@@ -1,4 +1,4 @@
-"""Equilibrium at rest: a test whether some Λ within the laws balances the forces, h + W Λ = 0.
+"""Equilibrium at rest: a test of whether some Λ within the laws balances the forces, h + W Λ = 0.
 
 By Gauss's principle of least constraint, find the Λ with the least acceleration,
 
@@ -6,7 +6,7 @@ By Gauss's principle of least constraint, find the Λ with the least acceleratio
 
 The bodies can stand iff the minimum is 0. Otherwise the remaining acceleration u = M⁻¹ (h + W Λ) is a mechanism
 and proves that no Λ balances: the loads do work on it, hᵀu > 0, and contacts and joints absorb none, Wᵀu ∈ K*, or not
-enough if friction has a fixed bound. Limit analysis calls it the collapse mechanism of the associated model.
+enough if friction has a fixed bound a. Limit analysis calls it the collapse mechanism of the associated model.
 
 Rest requires only that Λ lies in K, so "cannot stand" is exact for Coulomb friction. "Can stand" means that rest is
 one motion that the laws allow. Rest may be unstable. Unless the mechanism consists of hinges, other motions may also
@@ -52,7 +52,7 @@ MAX_FRICTION = 1e3
 """Largest friction coefficient that ``least_friction`` tries."""
 
 FRICTION_ACCURACY = 1e-7
-"""Width of the last bracket of ``least_friction``, relative to its result."""
+"""Width of the last bracket of ``least_friction``, relative to the upper end of the first one."""
 
 
 @runtime_checkable
@@ -66,7 +66,7 @@ class HasMargin(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """The result of a test whether bodies can stand.
+    """The result of a test of whether bodies can stand.
 
     Attributes:
         imbalance: ‖h + W Λ‖/‖h‖ in the norm of M⁻¹: the least acceleration relative to that without contacts, 0 for
@@ -130,7 +130,7 @@ def find_equilibrium(problem: ContactProblem) -> Equilibrium:
     """Return whether forces within the laws balance the loads, with the forces or the mechanism as proof.
 
     Args:
-        problem: one step from rest with its factors and free motion, as ``problem_at_rest`` returns it.
+        problem: one step from rest with its factors and free motion, as returned by ``problem_at_rest``.
 
     Raises:
         ProblemError: if the factors or the free motion are missing, or the cone program fails.
@@ -224,13 +224,13 @@ def _slides(laws: Laws) -> Any:
 
 
 class _ScaledProblem:
-    """A problem at rest in units of energy: y = Λ in units of forces, and forces divided by √m.
+    """A problem at rest in units of energy: y is Λ divided by ``unit``, and loads are multiplied by Sᵀ, M⁻¹ = S Sᵀ.
 
     Attributes:
         problem: the problem.
         size: ‖h‖ in the norm of M⁻¹ [√J/s], 1 without loads.
-        load: S⁻¹ M⁻¹ h / size, shape (n_dofs,), where M⁻¹ = S Sᵀ; of norm 1, or zero.
-        unit: force [N] of each row in units of y, shape (n_rows,).
+        load: S⁻¹ M⁻¹ h / size, shape (n_dofs,), of norm 1, or zero.
+        unit: force [N] of each row at which y is 1, shape (n_rows,).
         directions: Sᵀ W in these units, shape (n_dofs, n_rows).
     """
 
@@ -283,7 +283,7 @@ class _ScaledProblem:
         return clarabel.DefaultSolver(nothing, objective, matrix, bounds, [cone, *cones], settings).solve()
 
     def _cones(self) -> tuple[Any, FloatArray, list[Any]]:
-        """Return A, b and cones with b − A y in the cones iff Λ ∈ K, a second-order cone for each law of friction."""
+        """Return A, b and cones with b − A y in the cones iff Λ ∈ K; each friction law has a second-order cone."""
         laws, unit = self.problem.laws, self._law_unit
         coefficient, fixed = laws.friction_coefficient * unit[laws.partner] / unit, laws.fixed_bound / unit
         is_friction, has_bound = laws.sets == BALL, (coefficient > 0.0) | (fixed > 0.0)

@@ -36,7 +36,7 @@ class PairMotion:
 
     Attributes:
         bodies: their numbers, ascending; the first is ``FIXED`` if only one of them can move.
-        motion: a hinge if some of their contacts open and others stay at rest.
+        motion: their motion; a hinge if some of their contacts open and others stay at rest.
     """
 
     bodies: tuple[int, int]
@@ -46,7 +46,7 @@ class PairMotion:
 def contact_motions(problem: ContactProblem, velocity: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which contacts slide and which open under u, shape (n_contacts,) each; joints do neither.
 
-    A contact slides if it opens no faster than by friction of the associated model, γ_N ≤ μ ‖γ_T‖.
+    A contact slides if it opens no faster than sliding does in the associated model, γ_N ≤ μ ‖γ_T‖.
     """
     layout = problem.layout
     assert problem.factors is not None
@@ -63,7 +63,7 @@ def contact_motions(problem: ContactProblem, velocity: FloatArray) -> tuple[NDAr
 
 
 def pair_motions(problem: ContactProblem, velocity: FloatArray) -> list[PairMotion]:
-    """Return the pairs of bodies that move relative to each other under u, by their numbers.
+    """Return the pairs of bodies that move relative to each other under u, in the order of their numbers.
 
     Bodies are the chunks of W; a system without bodies has none.
     """
@@ -98,7 +98,7 @@ def _motion(contacts: Sequence[tuple[bool, bool]]) -> Motion | None:
 
 
 def free_bodies(problem: ContactProblem, velocity: FloatArray) -> list[int]:
-    """Return the bodies that move under u and have neither contacts nor joints, by their numbers."""
+    """Return the numbers of the bodies that move under u and have neither contacts nor joints, ascending."""
     pieces = _pieces_of_bodies(problem)
     if pieces is None:
         return []
@@ -109,7 +109,7 @@ def free_bodies(problem: ContactProblem, velocity: FloatArray) -> list[int]:
 
 
 def mechanism_text(problem: ContactProblem, velocity: FloatArray) -> str:
-    """Return the motion of bodies under u in words: ``"hinges at fixed-0, 2-3, 4-5, fixed-6"``."""
+    """Return a description of the motion under u, such as ``"hinges at fixed-0, 2-3, 4-5, fixed-6"``."""
     pairs = pair_motions(problem, velocity)
     parts = [f"{motion} at {_listed(names)}" for motion in Motion if (names := _names(pairs, motion))]
     free = free_bodies(problem, velocity)

@@ -1,4 +1,4 @@
-"""Friction coefficients that differ from pair to pair of bodies.
+"""Friction coefficients that vary between pairs of bodies.
 
 The coefficient of a pair, two balls or a ball and a surface, is computed from a hash of the pair's key and a seed
 (SplitMix64: Steele, Lea & Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014). So a pair keeps its
@@ -41,7 +41,7 @@ class MixedFriction:
             raise ProblemError(f"the seed of the coefficients must be from 0 to 2⁶⁴ − 1, got {self.seed}.")
 
     def __call__(self, pairs: IntArray) -> FloatArray:
-        """Return μ of each contact, shape (n_contacts,), from the keys of its pair of bodies."""
+        """Return μ of each contact, shape (n_contacts,), from the key of its pair of bodies."""
         with np.errstate(over="ignore"):
             bits = (pairs.astype(np.uint64) + np.uint64(1)) * _GAMMA + _mixed(np.array([self.seed], dtype=np.uint64))
         share = (_mixed(bits) >> np.uint64(11)).astype(np.float64) * 2.0**-53
@@ -50,7 +50,7 @@ class MixedFriction:
 
 
 def _mixed(bits: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:
-    """Return the hash of each number, 64 bits."""
+    """Return the 64-bit hash of each number."""
     with np.errstate(over="ignore"):
         bits = (bits ^ (bits >> np.uint64(30))) * _FIRST
         bits = (bits ^ (bits >> np.uint64(27))) * _SECOND

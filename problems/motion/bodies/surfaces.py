@@ -43,11 +43,11 @@ class Plane:
 
 @dataclass(frozen=True)
 class Segment:
-    """A wall whose cross-section is a segment in the (ρ, z) half-plane: a cone, a cylinder, or a flat wall.
+    """A cone, a cylinder or a flat wall, whose cross-section is a segment in the half-plane (ρ, z), ρ from the axis.
 
     Attributes:
         lower: lower end (ρ, z) [m].
-        upper: upper end (ρ, z) [m]; the wall ends here and at ``lower``.
+        upper: upper end (ρ, z) [m].
         side: 0 for a surface of revolution about the vertical axis, ±1 for the right or left wall of a planar scene.
     """
 
@@ -56,7 +56,7 @@ class Segment:
     side: int = 0
 
     def find_contacts(self, centres: FloatArray, radii: FloatArray) -> SurfaceContacts:
-        """Return the balls closer to the segment than r, on the side of the axis; normals point to the axis."""
+        """Return the balls beside the segment, closer to it than r on either side of it; normals point to the axis."""
         span = (self.upper[0] - self.lower[0], self.upper[1] - self.lower[1])
         length = math.hypot(*span)
         along = (span[0] / length, span[1] / length)
@@ -66,7 +66,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Rim:
-    """The circle (in a planar scene, the corner) where a ``Segment`` begins, which balls touch below the wall.
+    """The circle, or the corner in a planar scene, where a ``Segment`` begins; balls touch it below the wall.
 
     Attributes:
         point: (ρ, z) of the rim [m].
@@ -96,7 +96,7 @@ def _axis_distance(centres, i, side):  # type: ignore[no-untyped-def]
 def _write_normal(centres, i, side, rho, across, up, normal):  # type: ignore[no-untyped-def]
     """Write the normal whose components in the (ρ, z) half-plane are ``across`` and ``up``.
 
-    On the axis, the first direction is outward.
+    For a centre on the axis, the first direction counts as outward.
     """
     dim = len(normal)
     normal[1] = 0.0

@@ -1,7 +1,8 @@
 """Mechanical systems with unilateral contacts and joints, in the form that steppers need.
 
 M(q) u̇ = h(q, u) + W(q) λ, q̇ = u, with gaps g(q) and set-valued laws between λ and the relative velocities Wᵀu
-(Studer & Glocker 2005, [1–6]). A step needs one ``StepAssembly`` of a system.
+(Studer & Glocker 2005, [1–6]). A step needs one ``StepAssembly``. Indices B, M and E denote the beginning, midpoint and
+end of a step.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,7 +21,7 @@ from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 
 MAX_PATTERNS = 64
-"""Number of sets of active contacts that a general system caches; the oldest is dropped."""
+"""Largest number of sets of active contacts that a general system caches; the oldest is dropped."""
 
 MAX_JOINT_ERROR = 1e-11
 """Residual [m or rad] below which a joint counts as closed."""
@@ -78,7 +79,7 @@ class ActiveContacts:
         return len(self.keys) if self.row_counts is None else int(self.is_contact.sum())
 
     def normals(self, rows: FloatArray) -> FloatArray:
-        """Return the first row of each contact, without joints, of a vector over rows, shape (n_contacts,)."""
+        """Return the first value of each contact, without joints, from a vector over rows, shape (n_contacts,)."""
         return rows[:: self.width] if self.row_counts is None else rows[self.first_rows[self.is_contact]]
 
     def lanes(self, rows: FloatArray) -> FloatArray:
@@ -196,8 +197,8 @@ class System(Protocol):
 class MechanicalSystem:
     """A general system, given by the functions of its equations of motion.
 
-    Contacts may have different numbers of rows, and joints are further rows with ξ = 0. Joints constrain velocities,
-    as contacts do, so that positions drift by the error of the step.
+    Contacts may have different numbers of rows. Joints are further rows with ξ = 0. They constrain velocities, as
+    contacts do, so that positions drift by the error of the step.
 
     Attributes:
         mass: q ↦ M, shape (n_dofs, n_dofs), symmetric positive definite; its inverse is cached as long as the
@@ -210,9 +211,8 @@ class MechanicalSystem:
         restitution_tangential: ε_T of each contact, shape (n_contacts,).
         rows_per_contact: 1, 2 or 3, one number for all contacts or one per contact.
         joint_rows: rows of each joint, shape (n_joints,).
-        direction_rates: (q, u) ↦ Ẇᵀ u [m/s²], shape (n_rows,), for EventDriven; None if W does not depend on
-            q.
-        is_reversible: whether M and W are constant and h depends on q alone. The midpoint rule is symmetric then, and
+        direction_rates: (q, u) ↦ Ẇᵀ u [m/s²], shape (n_rows,), for EventDriven; None if W does not depend on q.
+        is_reversible: whether M and W are constant and h depends on q alone. Then the midpoint rule is symmetric, and
             its error in smooth phases has even powers of Δt only, which extrapolation uses.
 
     Raises:

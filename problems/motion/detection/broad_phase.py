@@ -1,7 +1,8 @@
 """Detection of overlapping balls by a cell list, in time and memory proportional to the number of balls.
 
 Cells are as wide as the largest ball. Balls are sorted by the number of their cell. Neighbours along the first axis
-have consecutive numbers, so the search visits a few ranges of cells per ball. Their starts only move forward.
+have consecutive numbers, so the search visits a few ranges of cells per ball. The starts of these ranges only
+move forward.
 """
 
 import numpy as np
@@ -32,8 +33,8 @@ class NearPairs:
 
     Each ball has a skin. Pairs are near if their gap is less than the sum of both skins, so a search remains valid
     until a ball has moved farther than its own skin. Skins are proportional to the speeds of their balls since the last
-    search, within bounds: a few fast balls then add few pairs to those of many slow ones. Skins should suffice for as
-    many queries as the upper bound allows the fastest ball, between ``MIN_QUERIES`` and ``MAX_QUERIES``.
+    search, within bounds, so that a few fast balls add few pairs to those of many slow ones. Skins should suffice for
+    as many queries as the upper bound allows for the fastest ball, between ``MIN_QUERIES`` and ``MAX_QUERIES``.
     """
 
     def __init__(self, radii: FloatArray) -> None:
@@ -91,8 +92,8 @@ def near_bodies(centres: FloatArray, radii: FloatArray, n_moving: int, margin: f
         centres: x of all bodies [m], those of fixed ones last, shape (n, 3).
         radii: radii of the bounding spheres [m], infinite for half-spaces, shape (n,).
         n_moving: number of moving bodies; pairs of two fixed ones are not returned.
-        margin: distance [m].
-        excluded: i · n + j, ascending, of pairs that are left out, shape (n_excluded,).
+        margin: distance between bounding spheres [m].
+        excluded: i · n + j of the pairs to omit, ascending, shape (n_excluded,).
 
     Returns:
         Pairs i < j, shape (n_pairs, 2).
@@ -238,7 +239,7 @@ def _sorted_pairs(pairs, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _with_fixed(moving, centres, radii, n_moving, margin, excluded):  # type: ignore[no-untyped-def]
-    """Return sorted pairs of moving bodies, and those of each with fixed bodies, without the excluded ones."""
+    """Return the sorted pairs of moving bodies with each other and with fixed ones, without the excluded pairs."""
     n = len(centres)
     pairs = np.empty((len(moving) + n_moving * (n - n_moving), 2), dtype=np.int64)
     count, at, left_out = 0, 0, 0

@@ -5,15 +5,15 @@ from numba import njit
 
 @njit(cache=True)
 def dot(a, b):  # type: ignore[no-untyped-def]
-    """Return a · b of two vectors, with rounding that does not depend on a linear algebra library."""
+    """Return a · b for two vectors, with rounding that does not depend on a linear algebra library."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(cache=True)
 def clip(polygon, edges, n, across, limit, slack, number, left, left_edges):  # type: ignore[no-untyped-def]
-    """Write the part of a polygon below a plane, with the number of the edge that leaves each of its corners.
+    """Write the part of a polygon below a plane, and the number of the edge that leaves each of its corners.
 
-    An edge between a corner within the slack above the plane and one beyond the slack is cut at the former.
+    An edge from a corner within the slack above the plane to one beyond the slack is cut at the former.
 
     Args:
         polygon: corners; only the first ``n`` are used.

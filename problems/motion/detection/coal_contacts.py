@@ -29,7 +29,7 @@ APART = 0.005
 """Gap at which the nearest points are found, divided by the size of the smaller body."""
 
 MAX_PASSES = 20
-"""Largest number of moves to that gap along a better normal; two or three suffice, more if rims touch rims."""
+"""Largest number of moves to the gap ``APART``, each along a better normal; two or three suffice unless rims touch."""
 
 TINY = np.array([0.0, 0.0, 1e-12])
 """Offset that defines a direction between centres that coincide [m]."""
@@ -47,7 +47,7 @@ END = 0.7
 """Cosine of the largest angle between contact normal and axis at which a cylinder touches with its end."""
 
 CUT = np.pi / CURVED_SAMPLES
-"""Angle between the first axis and the first point of a patch [rad]; coal returns no points of an end near it."""
+"""Angle before the first axis from which points of a patch are ranked [rad]; coal returns no points of an end there."""
 
 
 def needs_coal(first: Shape, second: Shape) -> bool:
@@ -61,19 +61,19 @@ def find_with_coal(
 ) -> tuple[IntArray, FloatArray]:
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
 
-    coal gives the points and the normal of a patch, and one gap for all; the gap of each point comes from the tangent
-    planes of the shapes. Features number the points around their centre in the axes of a cylinder; they persist while
-    the number of points is constant.
+    coal gives the points and the normal of a patch, and one gap for all; the gap of each point is computed from the
+    tangent planes of the shapes. Features number the points around their centre in the axes of a cylinder; they persist
+    while the number of points is constant.
 
     Args:
-        shapes: shapes of all bodies; none of a pair is a half-space.
+        shapes: shapes of all bodies; no pair contains a half-space.
         centres: centres of the bodies [m], shape (n_bodies, 3).
         rotations: rotation matrices from body to world axes, shape (n_bodies, 3, 3).
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
 
     Raises:
-        ProblemError: if coal is not installed.
+        ProblemError: if coal is not installed, or finds no normal for a pair.
     """
     coal = require_coal()
     keys: list[tuple[int, int, int]] = []
@@ -92,9 +92,9 @@ def find_with_coal(
 def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tuple[FloatArray, FloatArray, float]]:
     """Yield point [m], normal from first to second, and gap [m] of each point of the patch of two bodies.
 
-    Near gap 0, coal has errors of 1e-6 m in gaps, and 1e-4 in normals, and finds no contact at some poses. Bodies are
-    therefore searched with a larger margin. The second one is moved along the normal to where coal is exact, and this
-    distance is subtracted from the gap. If bodies are farthest apart along the normal of a face or an axis, this
+    Near gap 0, coal has errors of 1e-6 m in gaps and 1e-4 in normals, and finds no contact at some poses. The search
+    therefore has a larger margin: the second body is moved along the normal to a gap at which coal is exact, and this
+    displacement is subtracted from the gap. If bodies are farthest apart along the normal of a face or an axis, this
     direction is the normal, without error.
     """
     size = min(first[0].bounding_radius, second[0].bounding_radius)
@@ -104,7 +104,7 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     gap = least_gap = float(separations[best])
     if least_gap > margin:
         return
-    # of bodies that penetrate deeply, coal finds the smallest penetration only at the given poses
+    # for bodies that penetrate deeply, coal finds the smallest penetration only at the given poses
     way = (APART * size - least_gap) * directions[best] if abs(least_gap) < APART * size else np.zeros(3)
     for _ in range(MAX_PASSES):
         result, last_way = _collide(coal, first, second, way, (directions, separations), margin + FLATNESS * size)
@@ -154,7 +154,7 @@ def _features(patch: Sequence[tuple[FloatArray, FloatArray, float]], axes: Float
 def _collide(
     coal: Any, first: _Body, second: _Body, way: FloatArray, known: tuple[FloatArray, FloatArray], margin: float
 ) -> tuple[Any, FloatArray]:
-    """Return the collision of two bodies by coal, and the displacement of the second one for it.
+    """Return the collision of two bodies by coal, and the displacement of the second body at which it was found.
 
     The collision is None if they are farther apart than ``margin``. At some poses coal returns no normal, or one along
     which they are closer than along one of the ``known`` directions; bodies are then moved apart a little more.
@@ -186,7 +186,7 @@ def _collide(
 
 
 def _directions(first: _Body, second: _Body) -> FloatArray:
-    """Return unit vectors from first to second along which they may be closest, shape (n, 3).
+    """Return unit vectors from first to second along which they may be farthest apart, shape (n, 3).
 
     These are the directions of the line of centres, of face normals, of axes, and of normals to axes.
     """
@@ -213,7 +213,7 @@ def _placed(coal: Any, body: _Body, way: FloatArray | None = None, normal: Float
     """Return geometry and pose of a body, moved by ``way``.
 
     coal finds a single point instead of a patch if the normal points against the axis of a cylinder. The cylinder is
-    then turned round, which does not change it.
+    then reversed, which does not change it.
     """
     shape, centre, rotation = body
     if normal is not None and isinstance(shape, Cylinder) and rotation[:, 2] @ normal < 0.0:

@@ -13,7 +13,7 @@ class ContactKeys:
     """Keys of contacts between pairs of bodies, which may touch at several features.
 
     Keys ascend by the first body, then the second one, then the feature: key = (i · n_bodies + j) · n_features + f. Two
-    balls, or a ball and a surface, touch at one feature; faces touch at several, such as pairs of their corners.
+    balls, or a ball and a surface, touch at one feature; faces touch at several, one per corner of the area of contact.
 
     Attributes:
         n_bodies: number of bodies, including fixed ones.

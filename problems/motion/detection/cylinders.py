@@ -24,7 +24,7 @@ def find_cylinders(
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
 
     Args:
-        shapes: shapes of all bodies; one of each pair is a cylinder, the other one a half-space or a sphere.
+        shapes: shapes of all bodies; one of each pair is a cylinder, the other a half-space or a sphere.
         centres: centres of the bodies [m], shape (n_bodies, 3).
         rotations: rotation matrices from body to world axes, shape (n_bodies, 3, 3).
         pairs: pairs of bodies, shape (n_pairs, 2).

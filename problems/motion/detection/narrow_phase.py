@@ -21,13 +21,13 @@ from .round_bodies import CYLINDER, PLANE, SEGMENT, find_round
 from .shape_arrays import ShapeArrays, shape_arrays
 
 MAX_FEATURES = 1 << 26
-"""Number of features of a pair."""
+"""Largest number of features of a pair."""
 
 FACE_FEATURES = 12 * 6 * 8 * 8
 """Number of features of a face on a face of two boxes; those of edges on edges follow."""
 
 SLACK = 1e-6
-"""Distance, divided by the size of a box, up to which faces and points count as equal; so features persist."""
+"""Distance, divided by the size of a box, up to which faces and points count as equal, so that features persist."""
 
 PARALLEL = 1e-6
 """Sine of the angle between two edges below which they count as parallel."""
@@ -35,7 +35,7 @@ PARALLEL = 1e-6
 BOXES, POLYHEDRA, ROUND, CYLINDERS, WITH_COAL, REFUSED = range(6)
 """Methods that find the contacts of a pair: this module, ``polyhedra``, ``round_bodies``, ``cylinders`` and coal.
 
-A half-space as the first body of a pair is an error."""
+``REFUSED`` marks a pair whose first body is a half-space, which is an error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
 
     Args:
         shapes: shapes of all bodies, fixed ones last.
-        poses: (x [m], quaternion) of each, shape (n_bodies, 7).
+        poses: (x [m], quaternion) of each body, shape (n_bodies, 7).
         pairs: pairs of bodies, shape (n_pairs, 2), for instance those whose bounding spheres are close.
         margin: gap below which a contact is reported [m].
 
@@ -175,7 +175,7 @@ def _in_order(keys, numbers, order):  # type: ignore[no-untyped-def]
 def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys, numbers):  # type: ignore[no-untyped-def]
     """Write the contacts of all pairs; return their number.
 
-    Most pairs are too far apart for a contact. This is tested first, without views of the arrays.
+    Most pairs are too far apart for a contact; this is tested first, without views of the arrays.
     """
     count = 0
     for k in range(len(pairs)):
@@ -197,7 +197,7 @@ def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys
 
 @njit(cache=True)
 def _write(keys, numbers, count, feature, point, normal, sign, gap):  # type: ignore[no-untyped-def]
-    """Write a contact at a point of the surface from which ``gap`` is measured along −sign · normal to the other."""
+    """Write a contact at a point halfway between the surfaces, with the normal sign · ``normal``; return the count."""
     keys[count, 2] = feature
     for axis in range(3):
         numbers[count, axis] = point[axis]
@@ -293,7 +293,7 @@ def _box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, axis, apart, margin, keys, numbers
 
 @njit(cache=True)
 def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Clip the opposing face of the other box by the sides of the reference face."""
+    """Write the contacts of the reference face with the opposing face of the other box, clipped by its sides."""
     out = 1.0 if dot((c_o[0] - c_r[0], c_o[1] - c_r[1], c_o[2] - c_r[2]), r_r[axis]) >= 0.0 else -1.0
     normal = out * r_r[axis, 0], out * r_r[axis, 1], out * r_r[axis, 2]
     facing, most = 0, -1.0

@@ -19,10 +19,10 @@ from ..bodies.rigid.shapes import Box
 from .clipping import clip, dot
 
 SLACK = 1e-6
-"""Distance, divided by the size of bodies, up to which faces, edges and points count as equal; so features persist."""
+"""Distance, divided by the size of bodies, up to which faces, edges and points are equal, so that features persist."""
 
 EDGE_NUMBERS = 2 * MAX_CORNERS
-"""Numbers of the edges of a clipped face: its own, and the sides that clip it."""
+"""Largest number of edges of a clipped face: its own, and the sides that clip it."""
 
 FACE_FEATURES = 2 * MAX_FACES * MAX_FACES * EDGE_NUMBERS * EDGE_NUMBERS
 """Number of features of faces on faces; those of edges on edges follow."""
@@ -35,7 +35,7 @@ _BOX_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 
 
 
 class PackedPolyhedra(NamedTuple):
-    """The polyhedra among some shapes, for kernels; arrays of starts have one entry more than there are shapes.
+    """The polyhedra among some shapes, for kernels; arrays of starts have one entry more than their shapes or faces.
 
     Attributes:
         vertices: corners in body axes [m].
@@ -106,7 +106,7 @@ def _corners_and_faces(shape: object) -> tuple[FloatArray, Sequence[tuple[int, .
 
 
 def _normal(corners: FloatArray, face: Sequence[int]) -> list[float]:
-    """Return the outward normal of a face by the areas of its projections (Newell)."""
+    """Return the outward normal of a face from the areas of its projections (Newell)."""
     points = corners[list(face)]
     normal = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
     return (normal / np.linalg.norm(normal)).tolist()  # type: ignore[no-any-return]
@@ -255,7 +255,7 @@ def _along(packed, body, corners, edge):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Clip the opposing face of body ``o`` by the sides of a face of body ``r``."""
+    """Write the contacts of a face of body ``r`` with the opposing face of body ``o``, clipped by its sides."""
     normal, facing, most = normals_r[face], 0, np.inf
     for k in range(len(normals_o)):
         along = dot(normal, normals_o[k])

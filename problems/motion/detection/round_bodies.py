@@ -2,14 +2,15 @@
 
 Spheres and capsules are the points within a radius of a segment; that of a sphere has length 0. In each contact,
 a part of one body (an end of a segment, an edge or a corner) touches the other body. Its number is the feature of the
-contact, which therefore persists from step to step. The distance between two bodies is at most that of their parts, so
-each reported gap is an upper bound:
+contact, which therefore persists from step to step:
 
     0, 1                     ends of the segment of the sphere or capsule, or of the first one of two
     2, 3                     ends of the segment of the second one of two spheres or capsules
     CROSSING                 points between the ends of two segments
     2 + k                    edge k of a polyhedron, then its corners
     2 + n_edges + n_corners  where a segment enters the polyhedron; the next number, where it leaves
+
+The distance between two bodies is at most that of their parts, so each reported gap is an upper bound.
 """
 
 from typing import Any, NamedTuple
@@ -87,7 +88,7 @@ def write_contact(keys, numbers, count, feature, surface, normal, sign, gap):  #
         feature: part of the pair that touches.
         surface: point on the surface of the body from which ``normal`` points outwards.
         normal: unit vector to the other body.
-        sign: 1 if that body is the second one, else −1.
+        sign: 1 if ``normal`` points from the second body of the pair to the first, else −1.
         gap: distance [m].
     """
     if count < len(keys):
@@ -111,7 +112,7 @@ def ends_of(centre, rotation, half):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # type: ignore[no-untyped-def]
-    count: Any = np.int64(0)  # for a literal, numba compiles the functions that it is passed to once more
+    count: Any = np.int64(0)  # with a literal, numba would compile the called functions twice
     for k in range(len(pairs)):
         i, j = pairs[k]
         begin = count
@@ -173,7 +174,7 @@ def is_between(fraction, half):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _write_ball_contact(keys, numbers, count, feature, x, r_x, y, r_y, fallback, margin):  # type: ignore[no-untyped-def]
-    """Write the contact of two balls, x of the first body, if they are close; ``fallback`` points from y to x."""
+    """Write the contact of balls with centres x (first body) and y if they are close; use ``fallback`` if x = y."""
     normal = x - y
     distance = np.sqrt(dot(normal, normal))
     if distance - r_x - r_y >= margin:
@@ -315,7 +316,7 @@ def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, k
         if distance - radius >= margin or distance == 0.0:
             continue
         nearest = nearest_on_polyhedron(packed, body, point, foot, normal)
-        # otherwise the edge or corner faces away from the segment
+        # if it is smaller, the edge or corner faces away from the segment
         if nearest >= distance - DISTANCE_TOLERANCE * (radius + half):
             count = write_contact(keys, numbers, count, 2 + k, touched, apart / distance, sign, distance - radius)
     return count
@@ -325,7 +326,7 @@ def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, k
 def _part_inside(packed, body, ends):  # type: ignore[no-untyped-def]
     """Return the fractions at which a segment enters and leaves a polyhedron, and the face with the shortest exit.
 
-    Outside, the first fraction is not below the second.
+    If the segment is outside, the first fraction is not below the second.
     """
     begin, finish, lowest, highest = 0.0, 1.0, 0, -np.inf
     for face in range(packed.face_start[body], packed.face_start[body + 1]):

@@ -1,4 +1,4 @@
-"""The shapes of all bodies as arrays, cached by their tuple."""
+"""The shapes of all bodies as arrays, cached for each tuple of shapes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +13,7 @@ from .polyhedra import PackedPolyhedra, pack_polyhedra
 from .round_bodies import CYLINDER, PLANE, POLYHEDRON, SEGMENT, RoundShapes
 
 MAX_KEPT = 16
-"""Number of cached tuples of shapes."""
+"""Largest number of cached tuples of shapes."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,7 +66,7 @@ class BouncingBall(ClosedFormScene):
         return self.fall_time * (1.0 + 2.0 * e * (1.0 - e**impact) / (1.0 - e))
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s]: after impact k the ball rises with eᵏ⁺¹ √(2gh), and finally it rests."""
+        """Return the state at ``time`` [s]: after impact k the ball rises at eᵏ⁺¹ √(2gh), and finally it rests."""
         if time < self.fall_time:
             return self._at(time, self.height - 0.5 * self.gravity * time**2, -self.gravity * time)
         impact, speed = 0, self.restitution * self.gravity * self.fall_time

@@ -1,6 +1,6 @@
 """Effects of a scene, such as gravity and friction.
 
-A system contains only the effects that its scene lists, so that absent effects take no time. Each effect is a class
+A system contains only the effects that its scene lists, so absent effects take no time. Each effect is a class
 that adds itself to a system of balls or, except ``Planar``, of rigid bodies. Steppers and solvers do not depend on
 effects.
 """
@@ -35,7 +35,7 @@ class Conservative(Protocol):
     """An effect whose forces have a potential."""
 
     def potential_energy(self, centres: FloatArray, masses: FloatArray) -> float:
-        """Return V [J] of balls with masses [kg], shape (n,), at ``centres`` [m], shape (n, d)."""
+        """Return V [J] of bodies with ``masses`` [kg], shape (n,), at ``centres`` [m], shape (n, d)."""
         ...
 
 
@@ -67,7 +67,7 @@ class Force(ABC):
     def _matches_acceleration(self, name: str) -> bool:
         """Return whether the attribute ``name`` describes the force of ``accelerate``.
 
-        It does unless ``accelerate`` was overridden in a subclass of the class that defines ``name``.
+        It does unless a subclass of the class that defines ``name`` overrides ``accelerate``.
         """
         descriptor, accelerator = (
             next(base for base in type(self).__mro__ if key in vars(base)) for key in (name, "accelerate")

@@ -112,7 +112,7 @@ class Funnel:
         return State(0.0, self._lattice(system.dimension).ravel(), system.without_spin(velocities))
 
     def balls_through(self, position: FloatArray) -> int:
-        """Return how many balls of q, shape (n_balls · d,), have their centre below the outlet."""
+        """Return the number of balls of q, shape (n_balls · d,), whose centres are below the outlet."""
         return int(np.count_nonzero(position[self._dimension - 1 :: self._dimension] < 0.0))
 
     def agitation(self, position: FloatArray, velocity: FloatArray) -> float:
@@ -127,7 +127,7 @@ class Funnel:
         return float(energies[above].mean()) / (MASS * STANDARD_GRAVITY * RADIUS)
 
     def ending(self, steps: NDArray[np.void]) -> SceneEnding | None:
-        """Return how a pour ends: all balls are through, or those left have rested for ``JAM_SECONDS``."""
+        """Return how a pour ends: all balls are through, or the others have rested for ``JAM_SECONDS``; else None."""
         last = steps[-1]
         left, seconds = self.n_balls - int(last["balls_through"]), float(last["time"])
         if not left:
@@ -176,7 +176,7 @@ class Funnel:
         return surfaces
 
     def _lattice(self, dimension: int) -> FloatArray:
-        """Return the centres [m], layer by layer from below, inside the wall and above the cone, shape (n, d)."""
+        """Return the centres [m], layer by layer from the bottom, inside the wall and above the cone, shape (n, d)."""
         pitch = PITCH * RADIUS
         reach = self.wall_radius - (1.0 + JITTER) * RADIUS
         half = int(reach / pitch)

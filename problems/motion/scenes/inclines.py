@@ -48,7 +48,7 @@ class RollingSphere(ClosedFormScene):
 
         Rolling requires the force m g sin θ κ/(1 + κ), κ = 2/(5 sin²α), and 2 μ times the force m g cos θ/(2 sin α)
         of each wall is available; on a plane, 2/7 m g sin θ and μ m g cos θ. For tan θ above the bound, up to
-        sin α/√(sin²α − μ² cos²α) times it, a ball wedged by friction across a groove rolls as well; the motion from
+        sin α/√(sin²α − μ² cos²α) times it, a ball wedged by friction across a groove can also roll; the motion from
         rest is not unique there.
         """
         if self.friction is None:
@@ -66,7 +66,7 @@ class RollingSphere(ClosedFormScene):
     def spin_acceleration(self) -> float:
         """Angular acceleration about the horizontal axis normal to the descent [rad/s²].
 
-        a/(r sin α) rolling, 5/2 μ g cos θ / r sliding, where all friction acts at the lever r sin α.
+        It is a/(r sin α) rolling, and 5/2 μ g cos θ / r sliding, where all friction acts at the lever r sin α.
         """
         if self.rolls:
             return self.acceleration / (self.radius * self.lever)
@@ -174,7 +174,7 @@ class BlockOnIncline(ClosedFormScene):
         return abs(self.speed) / deceleration if deceleration > 0.0 else inf
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s]: it slides to a stop, then stays or slides down."""
+        """Return the state at ``time`` [s]: the block slides to a stop, then stays or slides down."""
         before_stop = min(time, self.stop_time)
         rate = self.acceleration(float(np.sign(self.speed)))
         x, velocity = self.speed * before_stop + 0.5 * rate * before_stop**2, self.speed + rate * before_stop
@@ -227,7 +227,7 @@ class SlidingSphere(ClosedFormScene):
         return self.speed / (1.0 + SPHERE_INERTIA)
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s]: uniform deceleration while it slides, uniform motion when it rolls."""
+        """Return the state at ``time`` [s]: uniform deceleration while the sphere slides, then uniform motion."""
         sliding = min(time, self.rolling_time)
         deceleration = self.friction * self.gravity
         x = self.speed * sliding - 0.5 * deceleration * sliding**2 + self.rolling_speed * (time - sliding)

@@ -85,7 +85,7 @@ def _gravity_energy(balls: BallSystem, gravity: Gravity, position: FloatArray) -
 
 
 def _option(field: "Field[Any]", meaning: str) -> Option:
-    """Return the option of a field; the class itself checks narrower ranges."""
+    """Return the option of a field; the class checks narrower ranges."""
     default = field.default
     is_integer = isinstance(default, int) and not isinstance(default, bool)
     return Option(

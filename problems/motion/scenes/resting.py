@@ -52,7 +52,7 @@ class Stack(ClosedFormScene):
         return ball_system(np.full(len(masses), self.radius), masses, [GROUND], effects)
 
     def supports(self) -> FloatArray:
-        """Return the force of each contact from below [N], shape (n,): the weight above it, g Σ_{j≥k} m_j."""
+        """Return the force of each contact, from the lowest up [N], shape (n,): the weight above it, g Σ_{j≥k} m_j."""
         weight: FloatArray = self.gravity * np.cumsum(np.array(self.masses, dtype=np.float64)[::-1])[::-1]
         return weight
 

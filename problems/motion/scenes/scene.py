@@ -37,7 +37,7 @@ class Observable:
     Attributes:
         name: name of its column.
         compute: returns its value at a state.
-        is_count: whether it is a count, a whole number that changes in steps.
+        is_count: whether it is a count, a whole number that changes in jumps.
         label: its name in charts and recordings; empty if it is not shown.
         head: heading of its column in tables.
         rate: name of its mean rate of change in studies; empty if studies do not compare the rate.
@@ -106,7 +106,7 @@ class Scene:
         options: the value of every option.
         system: the mechanical system.
         start: the initial state.
-        length: reference length of penetrations [m], the radius of a ball or of the pole.
+        length: reference length of penetrations [m], such as the radius of a ball.
         step_size: default Δt of a fixed step [s].
         duration: default simulated time [s].
         kinetic_energy: u ↦ T [J], without that of driven bodies.
@@ -116,7 +116,7 @@ class Scene:
         longest_step: default Δt_max of a variable step [s], short enough to detect every contact.
         coordinates: index of each named coordinate by its name, in the order in which figures show them.
         has_few_contacts: whether contacts are so few that accurate solves and variable steps are the default.
-        exact: returns the state in closed form at t [s]; None if there is none.
+        exact: returns the state at t [s] in closed form; None if there is no closed form.
         balls: sizes and surfaces of the balls, to draw them; None if there are none.
         bodies: rigid bodies with their shapes and joints, to draw them; None if there are none.
         observables: numbers recorded at each step, in addition to those of all simulations.
@@ -167,7 +167,7 @@ class SceneKind:
         summary: its description for users.
         options: its options by name.
         build: returns the scene from its name and the values of all options.
-        study: defaults of a study of it.
+        study: defaults of studies of the scene.
     """
 
     summary: str
@@ -259,7 +259,8 @@ OVERLAP = 1e-9
 RESTING_OVERLAP = 1e-5
 """Initial depth of faces that rest or slide on each other [m].
 
-A solution within the tolerance τ may open a contact with the velocity τ max|c|, and nothing closes it again. A contact
+A solution within the tolerance τ may open a contact with the velocity τ max|c|, where c are the free velocities, and
+nothing closes it again. A contact
 of depth d therefore lasts for at least d/(τ max|c|). If the contact opens, its body falls for a step, tilts, and opens
 other contacts. With τ = 1e-6, max|c| = g Δt and Δt = 10 ms, this depth lasts for 100 s."""
 
@@ -285,7 +286,7 @@ class ClosedFormScene(ABC):
 
 
 def kinetic_energy(system: System, start: State, driven_bodies: Sequence[int] = ()) -> Callable[[FloatArray], float]:
-    """Return u ↦ T [J] of a system, with its mass matrix at ``start``, and without the energy of driven bodies."""
+    """Return u ↦ T [J] of a system with its mass matrix at ``start``, without the energy of driven bodies."""
     if isinstance(system, RigidBodies) and driven_bodies:
         is_free = np.ones((system.n_bodies, 1))
         is_free[list(driven_bodies)] = 0.0

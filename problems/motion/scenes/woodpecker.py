@@ -1,7 +1,7 @@
 """The woodpecker toy: a bird on a spring, hopping down a pole (Glocker 1995; Leine, Glocker & van Campen 2001).
 
-q = (y, φ_M, φ_S): height of the sleeve [m], angle of the sleeve, angle of the bird [rad]. The contacts are
-1 the beak on the pole, 2 the lower edge of the sleeve and 3 its upper edge. All are planar, with rows N and T.
+q = (y, φ_M, φ_S): height of the sleeve [m], angle of the sleeve, angle of the bird [rad]. Contact 1 is
+the beak on the pole, 2 the lower edge of the sleeve, and 3 its upper edge. All are planar, with rows N and T.
 """
 
 from collections.abc import Mapping
@@ -59,7 +59,7 @@ RANGES = (0.01945, 0.47, 17.57)
 """Ranges of y [m], φ_S [rad] and its velocity [rad/s] in one period."""
 
 OVERLAP = 1e-12
-"""Initial depth [m] with which rounding cannot open a closed contact; this depth rotates the sleeve by 2e-10 rad."""
+"""Initial depth [m] at which rounding cannot open a closed contact; this depth rotates the sleeve by 2e-10 rad."""
 
 _MASS = np.array(
     [

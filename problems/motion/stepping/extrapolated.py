@@ -5,8 +5,8 @@ scheme of Aitken and Neville,
 
     T_{n,1} = T_n,      T_{n,k+1} = T_{n,k} + (T_{n,k} − T_{n−1,k}) / ((n/(n−k))^p − 1),
 
-raises the order by p with every column (Deuflhard 1983; Hairer, Nørsett & Wanner 1993, II.9): p = 2 for a reversible
-system, p = 1 otherwise. The difference of the last two columns estimates the error.
+raises the order by p with each column (Deuflhard 1983; Hairer, Nørsett & Wanner 1993, II.9). For a reversible system
+p = 2, otherwise p = 1. The difference of the last two columns estimates the error.
 """
 
 from dataclasses import dataclass, replace
@@ -58,7 +58,7 @@ class Extrapolated(VariableStepper):
         return extended
 
     def complete_attempt(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
-        """Return the attempt with the extrapolated (q, u), which must not reverse a slip."""
+        """Return the attempt with the extrapolated (q, u); if this reverses a slip, return an attempt without end."""
         assert sequence.end is not None
         position, velocity = np.split(last, [len(sequence.end.position)])
         if _reverses_slip(sequence.substeps[-1][0], sequence.states, velocity):

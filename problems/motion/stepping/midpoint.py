@@ -9,7 +9,7 @@ From t_B to t_E = t_B + Δt:
 
 χ is the target speed of motors. If h depends on the velocity, as gyroscopic moments do, the step is solved twice: with
 h of the free motion, and then with h at the velocity (u_B + u_E)/2 of the first solution. The error of Λ is O(Δt²) in
-the first solution, and that of u_E is O(Δt³) in the second. The order is therefore 2 for bodies that joints rotate.
+the first solution, and that of u_E is O(Δt³) in the second. The order is therefore 2 for rotating bodies with joints.
 
 Optionally, a projection at q_E moves penetrating bodies apart to an allowed depth and closes joints (see
 ``position_projection``).

@@ -47,7 +47,7 @@ class Moreau(Stepper):
             raise ProblemError(f"step of Moreau, {length} s, must not be longer than the duration, {until - begin} s.")
 
     def follow(self, setup: MotionSetup) -> Iterator[AcceptedStep]:
-        """Yield the steps."""
+        """Yield the steps of a motion."""
         scene, state = setup.scene, setup.start
         rule = MidpointRule(scene.system, setup.solver, setup.stop, self.shortest_step(scene), depth=scene.depth)
         while not self.has_reached(scene, state, setup.until):

@@ -147,7 +147,7 @@ def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -
 
 
 def joint_bytes(joints: JointErrors) -> float:
-    """Return the memory that closing joints needs, for M⁻¹ W, A⁺ and the eigenvectors of A [bytes]."""
+    """Return the memory [bytes] for closing joints: M⁻¹ W, A⁺ and the eigenvectors of A."""
     n_dofs, n_rows = joints.directions.shape
     return 8.0 * n_rows * (n_dofs + 4 * n_rows)
 
@@ -171,7 +171,7 @@ def _joint_inverse(inverse_mass: InverseMass, joints: JointErrors) -> tuple[Floa
 
 
 def _entries(joints: JointErrors) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.int32]]:
-    """Return the entries of W, their dofs, and where each column starts."""
+    """Return the entries of W, their dofs, and the start of each column."""
     return joints.directions.data, joints.directions.indices, joints.directions.indptr
 
 
@@ -187,7 +187,7 @@ def _transposed_times(data, dofs, starts, vector):  # type: ignore[no-untyped-de
 
 @njit(cache=True)
 def _push_apart(matrix, space, depth, pushes):  # type: ignore[no-untyped-def]
-    """Gauss–Seidel for 0 ≤ space + matrix · pushes ⊥ pushes ≥ 0; contacts that joints keep from moving are omitted."""
+    """Solve 0 ≤ space + matrix · pushes ⊥ pushes ≥ 0 by Gauss–Seidel, without contacts that joints hold in place."""
     held_diagonal = REDUNDANCY_TOLERANCE * matrix.max()
     for _ in range(MAX_SWEEPS):
         deepest = 0.0
@@ -221,7 +221,7 @@ def _displacement(overlaps: Overlaps, depth: float) -> FloatArray:
 
 @njit(cache=True)
 def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # type: ignore[no-untyped-def]
-    """Gauss–Seidel on the normal lanes, over δ; contacts without impulse that stay open need one product each."""
+    """Find δ by Gauss–Seidel on the normal lanes; contacts without impulse that stay open need one product each."""
     n_contacts, length = len(gap), values.shape[2]
     pushed, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
     for i in range(n_contacts):
@@ -250,7 +250,7 @@ def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # typ
 
 @njit(cache=True)
 def _move_balls_apart(chunks, normals, inverse, length, gap, depth, displacement):  # type: ignore[no-untyped-def]
-    """Sweep as ``_move_bodies_apart`` does, over δq of balls.
+    """Sweep as ``_move_bodies_apart`` does, to find δq of balls.
 
     A push p moves the first ball by M⁻¹ n p and the second by −M⁻¹ n p.
     """

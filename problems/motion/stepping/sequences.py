@@ -1,6 +1,6 @@
 """Sequences of n = 1, 2, … equal midpoint steps over one interval, which an error estimate compares.
 
-If the states of the laws change within the interval, sequences are not comparable, and a sequence ends there.
+If the states of the laws change within the interval, sequences are not comparable, and the sequence ends there.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ class StepCounter:
         system: the mechanical system.
         solver: solves the contact problem of each step.
         stop: the stopping criterion of each solve.
-        solves: one-step inclusions solved so far.
+        solves: number of one-step inclusions solved so far.
     """
 
     system: System

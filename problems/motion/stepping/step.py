@@ -1,9 +1,10 @@
 """Steps: the one-step solve, the states of its force laws, and the step that a stepper accepts.
 
-A law projects if its prox argument x = Λ − ξ/α lies outside its set or on its boundary (Studer & Glocker 2005,
-section 6): a unilateral law that projects is open, x_N ≤ 0; a friction law that projects slips, ‖x_T‖ ≥ b. A contact
-that is not active, g ≥ 0, is open, and the friction of an open contact, whose set is {0}, projects. A slip that
-reverses within one step passes through sticking, and counts as a switch as well.
+A law projects if its prox argument x = Λ − ξ/α, where α is from the diagonal of G, lies outside its set or on the
+boundary (Studer & Glocker 2005, section 6). A unilateral law that projects is open, x_N ≤ 0. A friction law that
+projects slips: ‖x_T‖ exceeds its bound b by more than ``BOUNDARY_WIDTH``. A contact that is not active, g ≥ 0, is
+open, and the friction of an open contact, whose set is {0}, projects. A slip that reverses within one step passes
+through sticking, and counts as a switch as well.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,8 +21,8 @@ from ..bodies.system import ActiveContacts
 from ..state import State
 
 BOUNDARY_WIDTH = 1e-8
-"""Relative width of the boundary of a friction law, within which rounding would decide the state. A contact of a body
-that other contacts hold may carry any friction up to its bound without moving: it sticks."""
+"""Relative width of the boundary of a friction law. Within it, rounding would decide the state, and the contact sticks:
+a contact of a body that other contacts hold may carry any friction up to its bound without moving."""
 
 NOT_FINITE = "the motion is no longer finite"
 """Beginning of the message of a step after which positions or velocities are not finite."""
@@ -41,8 +42,8 @@ class Step:
         contacts: the active contacts, None if there were none.
         status: status of the solver, None if there was nothing to solve.
         iterations: iterations of the solver.
-        overlap: the largest penetration [m] that the projection of positions leaves at its end if it did not reach its
-            tolerance; otherwise 0.
+        overlap: the largest penetration [m] at the end, if the projection of positions did not reach its tolerance;
+            otherwise 0.
     """
 
     state: State
@@ -139,7 +140,7 @@ class AcceptedStep:
     Attributes:
         begin: the state at its beginning.
         end: the state at its end.
-        substeps: the one-step solves that lead from one to the other, each with its length [s].
+        substeps: the one-step solves from ``begin`` to ``end``, each with its length [s].
         error: estimated relative error; 0 if it is not estimated.
         states: states of the laws in its last one-step solve; empty for a stepper that does not determine them.
         switches: its switching points.
@@ -161,7 +162,7 @@ class AcceptedStep:
 
 @dataclass(frozen=True, eq=False)
 class ContactLanes:
-    """The contacts of a solved step, without joints, with those of the lanes N, T1, T2 that are used.
+    """The contacts of a solved step, without joints, with those lanes of N, T1, T2 that are used.
 
     Attributes:
         keys: keys of the contacts, ascending, shape (n_contacts,).

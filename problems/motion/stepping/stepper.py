@@ -49,7 +49,7 @@ class Stepper(ABC):
     """A stepper with its options. Subclasses are frozen dataclasses, and ``name_with_options`` creates their names.
 
     Attributes:
-        locates_switches: whether steps are variable and their switching points known.
+        locates_switches: whether steps are variable and switching points are located.
         holds_forces: whether states contain the mean forces Λ/Δt of a step instead of its impulses.
         shows_solves: whether accepted steps contain their one-step solves, which may be judged.
         uses_last_impulses: whether solves may start from the impulses of the last step.

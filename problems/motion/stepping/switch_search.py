@@ -62,7 +62,7 @@ class Search(ABC):
     """
 
     withdraws_last_step = False
-    """Whether the accepted step before a switch is withdrawn as well."""
+    """Whether the accepted step before the one with a switch is withdrawn as well."""
 
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
         self._min_step = min_step
@@ -278,7 +278,7 @@ def _earliest_root(values: FloatArray, now: float) -> tuple[float, float]:
 
 
 def _first_roots(x: FloatArray, y: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the first real root at or after ``after`` of the polynomial through each row of x and y; else inf."""
+    """Return the first real root from ``after`` − 1e-3 on of the polynomial through each row of x and y, else inf."""
     n_points = x.shape[1]
     if n_points < 2:
         return np.full(len(x), np.inf)

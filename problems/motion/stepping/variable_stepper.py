@@ -8,9 +8,9 @@ smooth. The relative error of a step is the largest of
 
     |Δq_i| / Q_i,   |Δu_i| / U_i,      U_i = √(M⁻¹)_ii max_j |u_j| / √(M⁻¹)_jj,   Q_i = max(range of q_i, U_i Δt_max)
 
-over all coordinates j and all times so far. U_i is the speed at which coordinate i has the largest kinetic energy
-that any coordinate has had. The error does not depend on units, and U_i vanishes only if nothing moves. M⁻¹h Δt_max
-counts as a velocity at the start.
+over all coordinates j and all times so far. The range of q_i is its largest distance from the start. U_i is the speed
+at which coordinate i has the largest kinetic energy that any coordinate has had. The error does not depend on units,
+and U_i vanishes only if nothing moves. M⁻¹h Δt_max counts as a velocity at the start.
 """
 
 from abc import abstractmethod
@@ -34,7 +34,7 @@ SAFETY = 0.85
 """Ratio of the next step to the step that the error estimate allows."""
 
 MAX_GROWTH = 50.0
-"""Largest ratio of a step to the step before it."""
+"""Largest ratio of a step to the step before it, unless the number of sequences grows."""
 
 MIN_SHRINKING = 0.1
 """Smallest ratio of a repeated step to the rejected one."""
@@ -87,7 +87,7 @@ class VariableStepper(Stepper):
         """Return the order of the error estimate of ``levels`` sequences, as a power of the step."""
 
     def complete_attempt(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
-        """Complete an attempt: ``sequence`` led to T_{n,1}, and its row ends in ``last`` at ``time`` [s]."""
+        """Complete the attempt whose ``sequence`` led to T_{n,1}, and whose row ends with ``last`` at ``time`` [s]."""
         return sequence
 
     def shortest_step(self, scene: Scene) -> float:
@@ -204,7 +204,7 @@ class _StepControl:
                 raise
             if accepted is None:
                 if pending is not None and self._saw_switch and self._search.withdraws_last_step:
-                    # the switch may lie in the step before the rejected one, too
+                    # the switch may also lie in the step before the rejected one
                     self._state, self._states, pending = pending.begin, self._states_before, None
                     self._rejected += 1
                 continue

@@ -15,7 +15,7 @@ class SwitchEvent:
     """A switching point as an event at the middle of its interval.
 
     Attributes:
-        time: middle of the interval in which it lies [s].
+        time: middle of the interval [s].
         law: "unilateral" or "friction".
         contact: key of the contact.
         before: state of the law before.
@@ -38,7 +38,7 @@ class KnownCycle:
     """The known limit cycle of a scene, whose periods are counted from section to section.
 
     Attributes:
-        period: its duration [s].
+        period: duration of one period [s].
         descent: decrease of the first coordinate, a height, in one period [m].
         switch_events: its switching points, with times relative to the Poincaré section [s].
         section: index of the event at which a motion crosses the Poincaré section.
@@ -123,7 +123,7 @@ class CycleSequence:
         return float(-np.diff(self.heights[-last - 1 :]).mean())
 
     def relative_deviations(self, last: int) -> tuple[float, float]:
-        """Return the relative deviations of both means over the last ``last`` periods from the known values."""
+        """Return the relative deviations of mean period and mean descent, over the last ``last`` periods."""
         return self.mean_period(last) / self.known.period - 1.0, self.mean_descent(last) / self.known.descent - 1.0
 
 

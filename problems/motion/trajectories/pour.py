@@ -1,7 +1,7 @@
 """Aggregates of a pour, whose individual trajectories are chaotic: flow rate, mean height, energy.
 
 Two pours that differ in the last bit differ in every ball after some tenths of a second. They still agree in the flow
-rate, in the mean height of the remaining balls, and in the energy lost.
+rate, in the mean height above the outlet, and in the energy lost.
 """
 
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ UNITS = {"flow rate": "balls/s", HEIGHT: "m", ENERGY: "J"}
 """Units of the aggregates, by name."""
 
 GRID = 400
-"""Number of instants, in the second half of the duration, over which means are taken."""
+"""Number of instants in the second half of the duration, over which means are taken."""
 
 
 @dataclass

@@ -32,7 +32,7 @@ class Estimate:
 
     Attributes:
         error: median over the members, or the mean deviation from the reference, relative to the mean of the reference.
-        low: smallest error of a member, or the mean deviation minus its standard error.
+        low: smallest error of a member, or the mean deviation minus its standard error, at least 0.
         high: largest error of a member, or the mean deviation plus its standard error.
     """
 

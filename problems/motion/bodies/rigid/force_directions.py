@@ -1,4 +1,4 @@
-"""Force directions of contacts between rigid bodies, written directly into pieces."""
+"""Force directions W of contacts between rigid bodies, written directly into pieces."""
 
 import numpy as np
 from numba import njit
@@ -16,7 +16,8 @@ ROLLING_LANES = tuple(np.array(axes, dtype=np.int64) for axes in ((), (0,), (1, 
 def force_directions(contacts: ContactSet, poses: FloatArray, n_linear: int, n_rolling: int) -> Pieces:
     """Return W of contacts, with rows of the velocity of each contact point, then rows of its angular velocity.
 
-    γ_d = d·(v_i + ω_i × r_i − v_j − ω_j × r_j) for d = N, T1, T2, and ω_d = d·(ω_i − ω_j), with n from j to i.
+    γ_d = d·(v_i + ω_i × r_i − v_j − ω_j × r_j) for d = N, T1, T2, and ω_d = d·(ω_i − ω_j). N points from j to i,
+    and r_i from the centre of body i to the contact point.
 
     Args:
         contacts: the contacts; second bodies from ``len(poses)`` on are fixed.
@@ -33,7 +34,7 @@ def force_directions(contacts: ContactSet, poses: FloatArray, n_linear: int, n_r
 
 @njit(cache=True)
 def _force_directions(first, second, points, normals, centres, rotations, n_linear, turning):  # type: ignore[no-untyped-def]
-    """Return starts, chunks and values of W in pairs of pieces; that of a fixed body is zero, on the idle chunk."""
+    """Return starts, chunks and values of W, two pieces per contact; those of fixed bodies are 0, on the idle chunk."""
     n_contacts, n_bodies, width = len(first), len(centres), n_linear + len(turning)
     chunks = np.full(2 * n_contacts, n_bodies, dtype=np.int64)
     values = np.zeros((2 * n_contacts, width, 6))
@@ -54,7 +55,7 @@ def _force_directions(first, second, points, normals, centres, rotations, n_line
 
 @njit(cache=True)
 def _write_piece(sign, arm, rotation, frame, n_linear, turning, piece):  # type: ignore[no-untyped-def]
-    """Write the rows of a contact on one body; d·(ω × r) is Ω·Rᵀ(r × d) in body axes."""
+    """Write the rows of a contact on one body; d·(ω × r) is Ω·Rᵀ(r × d) with Ω = Rᵀω in body axes."""
     for lane in range(len(piece)):
         is_linear = lane < n_linear
         axis = lane if is_linear else turning[lane - n_linear]

@@ -1,11 +1,12 @@
-"""Scalars of joints and their derivatives with respect to the velocities of two bodies, as the rows of a table.
+"""Scalars of joints, one per row of a table, and their derivatives with respect to the velocities of two bodies.
 
-Let p and p' be points of the two bodies, and d = x + R p − x' − R' p' the vector between them. The scalars are
+Let x, R and x', R' be the positions and rotations of the two bodies, p and p' points in their axes, and
+d = x + R p − x' − R' p' the vector between these points. The scalars are
 
     distance       |d|
     along an axis  (R' n)ᵀ d        for n fixed in the second body
     orientation    (R' n)ᵀ (R f)    for f fixed in the first body, and perpendicular to n where the joint closes
-    angle          θ about n of the first body relative to the second one; f points along s at θ = 0
+    angle          θ about n of the first body relative to the second one; f points along s ⊥ n at θ = 0
 
 The scalars do not change if both bodies move as one. Rates follow from d(R p)/dt = R (ω × p), with ω in body axes.
 """
@@ -95,7 +96,7 @@ class JointTable(NamedTuple):
             poses: (x [m], quaternion) of each body, shape (n_bodies, 7).
 
         Returns:
-            Values [m or rad], shape (n,), and derivatives, shape (n, 2, 6). Those of a distance that is 0 are 0.
+            Values [m or rad], shape (n,), and derivatives, shape (n, 2, 6). The derivatives of a zero distance are 0.
         """
         everything = np.concatenate([poses, _WORLD_POSE])
         values, rates = _evaluate(self, everything, rotation_matrices(everything[:, 3:]))
@@ -154,7 +155,7 @@ def _evaluate(table, poses, rotations):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _columns(bodies, rates):  # type: ignore[no-untyped-def]
-    """Return entries other than 0, their dofs, ascending, and the start of each column; the world has no dofs."""
+    """Return the nonzero entries, their ascending dofs, and the start of each column; the world has no dofs."""
     n = len(bodies)
     data, dofs = np.empty(12 * n), np.empty(12 * n, dtype=np.int32)
     starts, count = np.zeros(n + 1, dtype=np.int32), 0

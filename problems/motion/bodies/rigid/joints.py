@@ -2,9 +2,9 @@
 
 Each constraint of a joint holds a scalar at zero; see ``joint_rows``. A ball joint holds three distances along axes. A
 revolute joint also holds two orientations. A prismatic joint holds two distances and three orientations, and a fixed
-joint three of each. A distance joint holds |d| at its length. Joints constrain velocities; positions drift unless the
-stepper projects them (``stepping.position_projection``). Further laws act on the coordinate s of a joint, which is the
-angle of a revolute joint or the displacement of a prismatic joint, and on |d| of a rope:
+joint three of each. A distance joint holds the distance |d| of its points at its length. Joints constrain velocities;
+positions drift unless the stepper projects them (``stepping.position_projection``). Further laws act on the coordinate
+s of a joint, which is the angle of a revolute joint or the displacement of a prismatic joint, and on |d| of a rope:
 
     limits      s ≥ s_min and s ≤ s_max: gaps of unilateral laws, active if g(q_M) < 0 like contacts
     rope        |d| ≤ length, a gap like that of a limit
@@ -80,7 +80,7 @@ class Joint:
     Raises:
         ProblemError: for an unknown kind, a point that is not finite, an axis or a length that is zero, a rotation
             that is not a unit quaternion, a number out of range, friction, limits or a motor without an axis, a length
-            of a joint that has none, or a motor without a bound.
+            for a joint that has none, or a motor without a bound.
     """
 
     kind: Kind
@@ -269,7 +269,7 @@ class RigidJoints:
             )
 
     def _reached(self, poses: FloatArray, margin: float) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Return indices, gaps and derivatives of the limits with a gap below ``margin``; a rope needs a direction."""
+        """Return indices, gaps and derivatives of limits with a gap below ``margin``, without ropes with |d| = 0."""
         if not len(self._gaps.kind):
             return self._gap_keys, np.zeros(0), np.zeros((0, 2, 6))
         values, rates = self._gaps.at(poses)

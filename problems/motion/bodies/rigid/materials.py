@@ -69,7 +69,7 @@ class MaterialPairs:
         return table
 
     def __call__(self, pairs: IntArray) -> FloatArray:
-        """Return the coefficient of each contact, shape (n_contacts,), from the keys of its pair of bodies."""
+        """Return the coefficient of each contact, shape (n_contacts,), from the key of its pair of bodies."""
         first, second = np.divmod(pairs, len(self.materials))
         coefficients: FloatArray = self._table[self._material_of_body[first], self._material_of_body[second]]
         return coefficients

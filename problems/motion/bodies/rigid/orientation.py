@@ -86,11 +86,11 @@ def moved(position: FloatArray, velocity: FloatArray, seconds: float) -> FloatAr
 def free_spins(
     spins: FloatArray, inertias: FloatArray, seconds: float, impulses: FloatArray | None = None
 ) -> FloatArray:
-    """Return ω_F = ω_E − J⁻¹ p, by the implicit midpoint rule on Euler's equations with the angular impulses p.
+    """Return the spins ω_F = ω_E − J⁻¹ p, where ω_E are the spins after a step with the angular impulses p.
 
-    J (ω_E − ω_B) = −Δt ω_m × J ω_m + p with ω_m = (ω_B + ω_E)/2. Multiplied by ω_m, the gyroscopic moment vanishes: it
-    does no work for any p. Without p, multiplied by J ω_m, it vanishes as well: ½ ωᵀJω and |Jω| are conserved,
-    and ω_F is ω_E. If p has the error O(Δt²), ω_F has the error O(Δt³).
+    The implicit midpoint rule for Euler's equations is J (ω_E − ω_B) = −Δt ω_m × J ω_m + p with ω_m = (ω_B + ω_E)/2.
+    The gyroscopic moment is normal to ω_m, so it does no work for any p. It is also normal to J ω_m. Without p,
+    ½ ωᵀJω and |Jω| are therefore conserved, and ω_F is ω_E. If p has the error O(Δt²), ω_F has the error O(Δt³).
 
     Args:
         spins: ω_B in body axes [rad/s], shape (n, 3).
@@ -180,7 +180,7 @@ def _free_spins(spins, inertias, seconds, impulses):  # type: ignore[no-untyped-
             r1 = j[1] * (end[1] - begin[1]) + seconds * (j[0] - j[2]) * m2 * m0 - p[1]
             r2 = j[2] * (end[2] - begin[2]) + seconds * (j[1] - j[0]) * m0 * m1 - p[2]
             size = max(abs(r0), abs(r1), abs(r2))
-            if size == 0.0 or (size >= last and size <= 1e-12 * scale):  # the rest is rounding
+            if size == 0.0 or (size >= last and size <= 1e-12 * scale):  # the remainder is rounding
                 break
             last = size
             half = 0.5 * seconds

@@ -21,7 +21,7 @@ MAX_CORNERS = 32
 """Largest number of corners of a face."""
 
 ALIKE = 1e-9
-"""Distance, divided by the size of a polyhedron, or angle up to which points, faces and directions count as equal."""
+"""Square of the largest angle, or distance divided by the size, at which faces and directions count as equal."""
 
 FLATNESS = 1e-4
 """Tolerated distance of corners from their face divided by the size; triangles are merged to 3e-5."""
@@ -38,8 +38,8 @@ class Polyhedron:
         inertia: principal moments of inertia for a density of 1 [m⁵], shape (3,).
 
     Raises:
-        ProblemError: if faces are flat, inside out or not those of a convex body around the origin, do not close the
-            surface, or volume or inertia is not positive.
+        ProblemError: if a face is flat, inside out or names a missing vertex, the body is not convex around the origin,
+            the faces do not close its surface, or volume or inertia is not positive.
     """
 
     vertices: FloatArray

@@ -56,12 +56,12 @@ class FixedBody:
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
-    """The rows of all joints at one position, and of the limits that are reached.
+    """The rows of all joints, and of the limits that are reached, at one position.
 
     Attributes:
         keys: identity of each joint and limit, from 0, ascending, shape (n,).
         gap: g [m or rad] of limits, 0 for joints, shape (n,).
-        row_counts: rows of each, shape (n,).
+        row_counts: number of rows of each joint and limit, shape (n,).
         laws: their force laws.
         directions: W, shape (n_dofs, n_rows).
         restitution: ε of each row, shape (n_rows,).
@@ -284,11 +284,11 @@ class RigidBodies:
         return replace(self, margin=margin)
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
-        """Return the bodies moved along v and rotated by ω, with unit quaternions."""
+        """Return q after uniform motion with (v, ω) for ``seconds``, with unit quaternions."""
         return moved(position, velocity, seconds)
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
-        """Linearise at q_M: gaps and W of the contacts that penetrate there, and of the joints."""
+        """Linearise at q_M: gaps and W of the contacts with a gap below the margin there, and of the joints."""
         poses, free = self.poses(midpoint), self.twists(velocity).copy()
         for acceleration in self.accelerations:
             free[:, :3] += seconds * acceleration(poses[:, :3], self.twists(velocity)[:, :3], self.masses)

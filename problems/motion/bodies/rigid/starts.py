@@ -19,9 +19,10 @@ def check_start(bodies: RigidBodies, start: State) -> None:
     """Check that numbers are valid, joints close, bodies do not penetrate deeply, and coal is installed if needed.
 
     Raises:
-        ProblemError: if coal is not installed although contacts may need it, a vector has a wrong length or contains
-            NaN, a quaternion does not have unit length, a joint does not close, or a contact is deeper than
-            ``MAX_START_DEPTH`` times the thickness of the thinner body. The message names the worst joint or contact.
+        ProblemError: if coal is not installed although contacts may need it, a vector has a wrong length or is not
+            finite, a quaternion does not have unit length, a joint does not close or is beyond a limit, or a contact is
+            deeper than ``MAX_START_DEPTH`` times the thickness of the thinner body. The message names the worst joint
+            or contact.
     """
     _check_shapes(bodies)
     for name, values, count in (("position", start.position, 7), ("velocity", start.velocity, 6)):
@@ -53,7 +54,7 @@ def check_start(bodies: RigidBodies, start: State) -> None:
 
 
 def _check_shapes(bodies: RigidBodies) -> None:
-    """Raise ``ProblemError`` if two bodies that may meet need coal and it is not installed."""
+    """Raise ``ProblemError`` if two bodies that may touch need coal and it is not installed."""
     shapes = [*bodies.shapes, *(body.shape for body in bodies.fixed)]
     joined = set() if bodies.joints is None else set(map(tuple, bodies.joints.pairs.tolist()))
     cylinders = [body for body, shape in enumerate(shapes) if isinstance(shape, Cylinder)]

@@ -8,7 +8,7 @@ on the collapse modes of least-thickness circular masonry arches at decreasing f
 
 Joints are radial, at the angles π k/n. The inner and outer faces of the stones are plane. Round faces would move the
 centres of mass outwards. With few stones, the limit for plane faces is therefore slightly lower: for n = 7 it is
-0.0957, and 0.0962 for round faces.
+0.0957, instead of 0.0962 for round faces.
 """
 
 from collections.abc import Sequence

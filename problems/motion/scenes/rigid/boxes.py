@@ -82,7 +82,7 @@ class SlidingBox(ClosedFormScene):
 
         Friction acts at the base, h/2 below the centre of a box of height h. It is μ N while the box slides, and
         N tan θ while the box is at rest. Its moment shifts the resultant normal force N by μ h/2, or (h/2) tan θ,
-        from the centre of the base. The box tips if this point lies outside its base.
+        from the centre of the base. The box tips if the shifted point lies outside the base.
         """
         _check_box(self.size, self.slope, self.overlap)
         check_positive(self, "a box", "mass")
@@ -232,7 +232,7 @@ class TippingBox:
 
     @property
     def holding_friction(self) -> float:
-        """Friction coefficient that is needed to hold the lower edge at the start of the motion.
+        """Smallest friction coefficient that holds the lower edge at the start of the motion.
 
         It is (g sin θ − α h/2)/(g cos θ + α w/2) with the initial angular acceleration α, width w and height h.
         """
@@ -244,7 +244,7 @@ class TippingBox:
     def angular_velocity(self, angle: float) -> float:
         """Return the angular velocity [rad/s] after rotation about the lower edge by ``angle`` [rad].
 
-        It follows from conservation of energy, and is 0 if the box does not tip.
+        It follows from conservation of energy. It is 0 if the box does not tip.
         """
         descent = cos(self.lean) - cos(self.lean + angle)
         return float(np.sqrt(1.5 * self.gravity / self.arm * descent)) if self.tips else 0.0

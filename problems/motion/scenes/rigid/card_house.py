@@ -1,7 +1,7 @@
 """A house of cards: storeys of leaning pairs, with a level card between adjacent pairs.
 
-A pair of thin cards that lean by α stands with μ ≥ tan α/2. A load on top raises the limit towards tan α, so that
-the lowest storey determines how much friction a house needs; ``equilibrium.least_friction`` computes it.
+A pair of thin cards that lean by α stands with μ ≥ ½ tan α. A load on top raises the limit towards tan α, so that
+the lowest storey determines the friction that a house needs; ``equilibrium.least_friction`` computes it.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ class CardHouse(PrismScene):
         overlap: initial depth of each contact [m].
 
     Raises:
-        ProblemError: if there is no storey, a length is not positive, or pairs would not fit beside each other.
+        ProblemError: if there is no storey, a number is out of range, or pairs would not fit beside each other.
     """
 
     storeys: int = 3
@@ -75,13 +75,13 @@ class CardHouse(PrismScene):
         return self.length * cos(self.lean) + 0.5 * self.base / tan(self.lean)
 
     def leaning(self) -> FloatArray:
-        """Return the left card of a pair that meets at x = 0 and stands on z = 0, shape (5, 2)."""
+        """Return the corners (x, z) [m] of the left card of a pair that meets at x = 0 on z = 0, shape (5, 2)."""
         left, meeting = -0.5 * self.foot, self.length * cos(self.lean)
         head = -0.5 * self.base
         return np.array([[left - self.base, 0.0], [left, 0.0], [0.0, meeting], [0.0, self.height], [head, self.height]])
 
     def sections(self) -> Sequence[FloatArray]:
-        """Return the cards, leaning ones first."""
+        """Return the corners of the cards, leaning ones first."""
         pitch, storey = self.length + 0.25 * self.base, self.height + self.thickness - 2.0 * self.overlap
         left = self.leaning() + np.array([0.5 * self.overlap, 0.0])
         right = left * np.array([-1.0, 1.0])

@@ -1,7 +1,7 @@
 """Boxes in containers: a drum that turns about a level axis, and a hopper with a slot.
 
-The staves of the drum are bodies on circles about the axis, ``STAVE_MASS_RATIO`` times heavier than a box, so that they
-move as a ring at constant speed. The walls at the ends of both containers are planes without friction.
+The staves of the drum are bodies on circles about the axis, ``STAVE_MASS_RATIO`` times as heavy as a box, so that
+they move as a ring at constant speed. The walls at the ends of both containers are planes without friction.
 
 Both reference results are wide empirical ranges. The angle of repose of most dry grains is between 25 and 45°, and
 larger for angular grains than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, *A review on the angle of repose
@@ -12,8 +12,8 @@ The flow through a round outlet of diameter D, for grains of diameter d and bulk
     W = 0.58 ρ √g (D − k d)^(5/2) = 0.58 · 4/π ρ A √(g D_h),      k ≈ 1.4,      A = π (D − k d)²/4
 
 (Beverloo, Leniger & van de Velde, *The flow of granular solids through orifices*, Chem. Eng. Sci. 15, 260, 1961). With
-the hydraulic diameter D_h = 4 A/perimeter, which is D − k d there and 2 (D − k d) for a long slot of width D
-and depth w, the same law is
+the hydraulic diameter D_h = 4 A/perimeter, which is D − k d for this outlet and 2 (D − k d) for a long slot of
+width D and depth w, the same law is
 
     W = C ρ √g w (D − k d)^(3/2),      C = 0.58 · 4 √2/π = 1.04
 
@@ -65,7 +65,7 @@ PACKING = 0.6
 """Volume fraction of a random pile of boxes."""
 
 MAX_COLUMNS, MAX_LATTICE_ROWS = 100, 10_000
-"""Largest numbers of columns of a lattice to either side of its middle, and of its rows."""
+"""Largest numbers of columns of a lattice on either side of its middle, and of its rows."""
 
 DOWN = (0.0, 0.0, -1.0)
 """Direction of gravity."""
@@ -73,7 +73,7 @@ DOWN = (0.0, 0.0, -1.0)
 
 @dataclass(frozen=True)
 class DrivenRing(Force):
-    """Weight of boxes, and the force that keeps the bodies after them on circles about the y axis.
+    """The weight of boxes, and the force that keeps the bodies listed after them on circles about the y axis.
 
     Attributes:
         n_boxes: number of bodies with weight.
@@ -86,7 +86,7 @@ class DrivenRing(Force):
     speed: float
 
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
-        """Return −g of boxes, and −ω² x of the other bodies [m/s²]."""
+        """Return −g along z for boxes, and −ω² times the vector from the y axis for the other bodies [m/s²]."""
         accelerations: FloatArray = -(self.speed**2) * centres * np.array([1.0, 0.0, 1.0])
         accelerations[: self.n_boxes] = self.gravity * np.array(DOWN)
         return accelerations
@@ -107,7 +107,7 @@ def end_walls(width: float) -> list[FixedBody]:
 def lattice(
     count: int, edge: float, layers: int, seed: int, has_room: Callable[[float, float], bool], *, lowest: float
 ) -> FloatArray:
-    """Return poses of boxes on a lattice, filled from its lowest row and its middle, shape (count, 7).
+    """Return poses of boxes on a lattice, filled from its lowest row up and from its middle out, shape (count, 7).
 
     Each box has a small random rotation.
 
@@ -161,7 +161,7 @@ class BoxContainer:
         return Box((self.edge, self.edge, self.edge))
 
     def box_friction(self, n_parts: int, n_fixed: int) -> Friction:
-        """Return the friction of boxes on each other and on ``n_parts`` parts; the last two bodies are the end walls.
+        """Return the friction of boxes on each other and on ``n_parts`` parts of the container; end walls have none.
 
         Args:
             n_parts: bodies after the boxes and before the end walls, whether they move or not.
@@ -248,7 +248,7 @@ class RotatingDrum(BoxContainer):
         return State(0.0, position, np.concatenate([np.zeros(6 * self.n_boxes), twists.ravel()]))
 
     def slope(self, state: State) -> float:
-        """Return the angle of the line from the axis to the centre of all boxes against the vertical [degrees].
+        """Return the angle between the vertical and the line from the axis to the centre of all boxes [degrees].
 
         It equals the slope of the surface if that is a plane.
         """
@@ -301,7 +301,7 @@ class Hopper(BoxContainer):
 
     @cached_property
     def flow_rate(self) -> float:
-        """Boxes per second by Beverloo's law, with d of a sphere with the volume of a box; 0 if the boxes jam."""
+        """Boxes per second by Beverloo's law, with the d of a sphere of the volume of a box; 0 if the boxes jam."""
         diameter = self.edge * (6.0 / pi) ** (1.0 / 3.0)
         free_width = max(self.outlet * self.edge - BEVERLOO_NARROWING * diameter, 0.0)
         return float(BEVERLOO_COEFFICIENT * PACKING / self.edge**3 * sqrt(self.gravity) * self.width * free_width**1.5)

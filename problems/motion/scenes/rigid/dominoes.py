@@ -12,8 +12,8 @@ are −f_i a_i on domino i and f_i b_i on the next one, with φ = θ_i − θ_{i
 
     a_i = h (cos φ + μ sin φ),      b_i = h cos φ − p sin θ_{i+1} − μ d.
 
-The weights c_n = 1, c_i = c_{i+1} b_i/a_i eliminate these forces from the equations of motion: Σ c_i (J θ̈_i − T_i) = 0
-between impacts, with the moments T_i of the weights, and Σ c_i (ω_i⁺ − ω_i⁻) = 0 over all dominoes of the longer train
+The factors c_n = 1, c_i = c_{i+1} b_i/a_i eliminate these forces from the equations of motion: Σ c_i (J θ̈_i − T_i) = 0
+between impacts, with the moments T_i of gravity, and Σ c_i (ω_i⁺ − ω_i⁻) = 0 over all dominoes of the longer train
 at an impact. The speed of the wave tends to a limit that is independent of the push. Without friction, c_i = w_i, and
 the train conserves its energy between impacts. Friction slows the wave (J. M. J. van Leeuwen, *The domino effect*, Am.
 J. Phys. 78, 721, 2010, arXiv:physics/0401018). For thin dominoes, speeds scale with (g h)^½ at equal p/h (McLachlan,
@@ -180,7 +180,7 @@ class Dominoes:
         return np.array(seconds)
 
     def _train(self, heads: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the angles [rad], rates w and weights c of a train whose head leans by ``heads`` [rad].
+        """Return the angles [rad], rates w and factors c of a train whose head leans by ``heads`` [rad].
 
         Returns:
             From the head backwards, shape (TRAIN + 1, len(heads)) each.

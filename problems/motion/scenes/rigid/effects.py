@@ -1,4 +1,4 @@
-"""Effects that apply to rigid bodies only; the effects of ``scenes.effects`` also apply to rigid bodies."""
+"""Effects that apply to rigid bodies only; the effects of ``scenes.effects`` except ``Planar`` also apply to them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -88,7 +88,8 @@ def swing_modes(
 class Pendulum(ClosedFormScene):
     """A rod on a revolute joint at its upper end, released at rest.
 
-    The motion is sin(θ/2) = k cd(ω₀ t, k) with k = sin(θ₀/2) and ω₀² = m g (L/2) / (J + m L²/4).
+    The motion is sin(θ/2) = k cd(ω₀ t, k), with Jacobi's function cd, k = sin(θ₀/2), ω₀² = m g (L/2) / (J + m L²/4) and
+    the moment of inertia J about the centre.
 
     Attributes:
         angle: θ₀ [rad].
@@ -215,7 +216,7 @@ class BallOnChain:
     """A heavy ball at the lower end of a light chain, released at rest.
 
     Under the weight of the ball, rods oscillate with frequencies up to ω = ``highest_frequency``. The midpoint rule
-    takes the directions of joints at an explicit midpoint, so that it diverges with steps longer than 2/ω.
+    evaluates the directions of joints at an explicit midpoint, so that it diverges with steps longer than 2/ω.
 
     Attributes:
         n_links: number of rods.
@@ -257,7 +258,7 @@ class BallOnChain:
 
     @property
     def highest_frequency(self) -> float:
-        """Highest angular frequency of small oscillations [rad/s], of rods transverse to the pull of the ball."""
+        """Highest angular frequency of small oscillations [rad/s], that of rods transverse to the pull of the ball."""
         lengths, system = np.full(self.n_links + 1, self.length), self.system()
         offsets = np.append(0.5 * lengths[:-1], self.radius)
         return float(swing_modes(lengths, offsets, system.masses, system.moments[:, 1], self.gravity)[0][-1])
@@ -339,7 +340,7 @@ class FourBar(ClosedFormScene):
         return np.array([crank, coupler, atan2(end[1], end[0])])
 
     def rates(self, angles: FloatArray, speed: float) -> FloatArray:
-        """Return the angular velocities of the rods [rad/s], shape (3,), from their angles and that of the crank."""
+        """Return the angular velocities of the rods [rad/s], shape (3,), from the angles and the crank's ``speed``."""
         a, b, c = angles.tolist()
         coupler = speed * self.crank * sin(c - a) / (self.coupler * sin(b - c))
         rocker = speed * self.crank * sin(b - a) / (self.rocker * sin(b - c))
@@ -373,7 +374,7 @@ class FourBar(ClosedFormScene):
         )
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s], from integration of θ̇ with tolerances of 1e-12."""
+        """Return the state at ``time`` [s], by integration of θ̇ with tolerances of 1e-12."""
         system = self.system()
 
         def energy(angle: float) -> float:

@@ -17,7 +17,7 @@ from .effects import rigid_bodies
 
 
 class PrismScene(ABC):
-    """Homogeneous prisms at rest on the ground z = 0; subclasses are frozen dataclasses, whose fields are its options.
+    """Homogeneous prisms at rest on the ground z = 0; subclasses are frozen dataclasses, whose fields are options.
 
     Touching bodies overlap slightly at the start. If the overlap were less than the error of a step, contacts would be
     lost and found again, and the bodies would fall by up to g Δt² each time.
@@ -50,7 +50,7 @@ class PrismScene(ABC):
 
     @property
     def observables(self) -> Sequence[Observable]:
-        """The largest displacement of the centre of a body."""
+        """The largest displacement of a centre from the start."""
         return (Observable("moved", self.moved, label="largest displacement [m]", head="moved"),)
 
     def moved(self, state: State) -> float:
@@ -60,6 +60,6 @@ class PrismScene(ABC):
 
 
 def prism(section: FloatArray, width: float) -> FloatArray:
-    """Return the corners [m], shape (2 n, 3), of a prism with a cross-section in (x, z), shape (n, 2)."""
+    """Return the corners [m], shape (2 n, 3), of a prism with the cross-section ``section`` in (x, z), shape (n, 2)."""
     sides = [np.full(len(section), side * width) for side in (-0.5, 0.5)]
     return np.concatenate([np.column_stack([section[:, 0], side, section[:, 1]]) for side in sides])

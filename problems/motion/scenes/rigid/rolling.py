@@ -25,8 +25,8 @@ class RollingBody(ClosedFormScene):
 
     Attributes:
         inertia_factor: J/(m r²) about its axis.
-        upright: its initial orientation.
-        spin_axis: the horizontal direction normal to the motion, in body axes at the start.
+        upright: its initial orientation, a unit quaternion.
+        spin_axis: the axis about which it rolls, in body axes.
     """
 
     speed: float

@@ -8,8 +8,8 @@ tip, C that about its own axis, θ the tilt, and n the angular velocity along th
 
 (Goldstein, *Classical Mechanics*, section 5.7). The smaller root, about m g l/(C n), is the slow precession.
 
-The midpoint rule approximates this motion with order 2 on a joint. On the ground its order is 1, because W in
-Wᵀ u_E = 0 is taken at the midpoint, half a step before u_E.
+With the tip on a joint, the midpoint rule has order 2. On the ground it has order 1, because W in Wᵀ u_E = 0 is taken
+at the midpoint, half a step before u_E.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ from ..scene import OVERLAP, ClosedFormScene, Observable, check_positive
 from .effects import BodyEffect, GyroscopicMoment, rigid_bodies
 
 SIDES = 12
-"""Sides of the pyramid; its transverse moments of inertia are equal, as those of a cone."""
+"""Number of sides of the pyramid; its transverse moments of inertia are equal, like those of a cone."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class SpinningTop(ClosedFormScene):
         return replace(rigid_bodies([shape], np.array([self.mass]), [], effects), joints=joints)
 
     def exact(self, time: float) -> State:
-        """Return the state at ``time`` [s], turned by Ω t about the vertical and (n − Ω cos θ) t about the axis."""
+        """Return the state at ``time`` [s], rotated by Ω t about the vertical and (n − Ω cos θ) t about the axis."""
         own_spin = self.spin - self.precession * cos(self.tilt)
         _, pose = self._pyramid
         rotations = [about(Y_AXIS, self.tilt), about(Z_AXIS, own_spin * time), pose[3:]]

@@ -72,7 +72,7 @@ class BrickWall:
         return 0.5 * self.rows * self.size[2]
 
     def _bricks(self) -> Iterator[tuple[float, float, float]]:
-        """Yield row, middle and length of each brick in brick lengths, from the bottom left."""
+        """Yield the row of each brick, and its middle and length in brick lengths, from the bottom left."""
         for row in range(self.rows):
             begin = -0.5 * self.columns
             lengths = [1.0] * self.columns if row % 2 == 0 else [0.5, *[1.0] * (self.columns - 1), 0.5]

@@ -4,8 +4,8 @@ A closed contact has g = 0 and γ_N = 0 (index 3 and 2). Differentiating g twice
 
     γ̇ = Wᵀ u̇ + Ẇᵀ u,    u̇ = M⁻¹ (h + W λ),
 
-an algebraic system for the forces λ (index 1), and the set-valued laws keep their structure with accelerations in
-place of velocities (Glocker 2001, *Set-Valued Force Laws*, chapter 5; Pfeiffer & Glocker 1996, chapter 5):
+an algebraic system for the forces λ (index 1). The set-valued laws keep their structure, with accelerations in place
+of velocities (Glocker 2001, *Set-Valued Force Laws*, chapter 5; Pfeiffer & Glocker 1996, chapter 5):
 
     closed contact              −γ̇_N ∈ N_{R₀⁺}(λ_N)                     it stays closed, or opens with λ_N = 0
     with γ_T = 0                −γ̇_T ∈ N_{[−μ λ_N, μ λ_N]}(λ_T)         it continues to stick, or begins to slip
@@ -27,7 +27,7 @@ from ....contact.problem import ContactProblem
 from ...bodies.system import MechanicalSystem
 
 SINGULAR = 1e-12
-"""Ratio of singular values below which constraints count as redundant, and forces have the least norm."""
+"""Ratio of singular values below which constraints count as redundant; forces then have the least norm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Modes:
     slip: FloatArray
 
     def sticks(self, contact: int) -> bool:
-        """Whether a contact is closed and its tangential velocity zero."""
+        """Whether a contact is closed and its tangential velocity is zero."""
         return bool(self.closed[contact] and self.slip[contact] == 0.0)
 
 
@@ -82,7 +82,7 @@ class AccelerationLaws:
         return self.system.width
 
     def constraints(self, position: FloatArray, velocity: FloatArray, modes: Modes) -> Constraints:
-        """Return the equations of closed contacts, with the friction of slipping ones in their force directions."""
+        """Return the equations of closed contacts; the force directions of slipping ones include their friction."""
         width, friction = self.width, np.asarray(self.system.friction)
         rows, normal = _rows(modes, width)
         directions = self.system.directions(position)
@@ -113,7 +113,7 @@ class AccelerationLaws:
         return equations.free_motion + equations.responses @ unknown, forces
 
     def problem(self, position: FloatArray, velocity: FloatArray, candidates: Modes) -> ContactProblem:
-        """Return the contact problem in λ [N] and γ̇ [m/s²]: normals of closed contacts, tangents unless they slip.
+        """Return the contact problem in λ [N] and γ̇ [m/s²]: N of closed contacts, and T of those that stick.
 
         Its rows are those of ``constraints``.
 
@@ -131,7 +131,7 @@ class AccelerationLaws:
 
 
 def _rows(modes: Modes, width: int) -> tuple[IntArray, IntArray]:
-    """Return the rows with unknown forces, and the contact of each if it is a normal one, else −1."""
+    """Return the rows with unknown forces, and for each the contact if it is a normal row, else −1."""
     chosen = np.column_stack([modes.closed, modes.closed & (modes.slip == 0.0)])[:, :width]
     rows = np.flatnonzero(chosen)
     contact, lane = np.divmod(rows, width)

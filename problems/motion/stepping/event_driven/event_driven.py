@@ -23,15 +23,15 @@ from .motion import Motion
 
 @dataclass(frozen=True)
 class EventDriven(Stepper):
-    """The event-driven reference: smooth motion between events, for systems with few contacts given by functions.
+    """The event-driven reference: smooth motion between events, for systems given by functions, with few contacts.
 
     Its solver must find the impulses of impacts and the forces after events to a residual of 1e-9 or better;
     Enumeration finds them exactly.
 
     Attributes:
         tolerance: relative error of the integration of smooth motion.
-        max_step: longest time between two states [s], that of the scene if None; two events of one contact within it
-            may be missed.
+        max_step: longest time between two states [s], that of the scene if None; two events of one contact within this
+            time may be missed.
         flight: time between two impacts [s] below which a bouncing contact is assumed to come to rest by infinitely
             many impacts; flights of 1e-7 s are 1e-14 m high under gravity, the rounding of positions of decimetres.
     """
@@ -53,7 +53,7 @@ class EventDriven(Stepper):
         return scene.longest_step if self.max_step is None else self.max_step
 
     def check(self, scene: Scene, begin: float, until: float) -> None:
-        """Check the options, the scene and the times."""
+        """Check the options, the scene and the times; see ``Stepper``."""
         _check_system(scene)
         for name, value in {**vars(self), "max_step": self.longest_step(scene)}.items():
             if not value > 0.0:
@@ -85,7 +85,7 @@ class EventDriven(Stepper):
 
         Raises:
             AccumulationError: if impacts accumulate.
-            MotionError: if the start penetrates, M, h, g or W are invalid, a contact problem has no solution, or no
+            MotionError: if the start penetrates, M, h, g or W is invalid, a contact problem has no solution, or no
                 mode is consistent; like AccumulationError it contains the motion found so far.
             ProblemError: as ``check`` does, or if W depends on q while the system has no ``direction_rates``.
         """
@@ -124,7 +124,7 @@ def _check_system(scene: Scene) -> MechanicalSystem:
 
 @dataclass
 class _CountingSolver:
-    """A solver that counts its problems."""
+    """A solver that counts the problems that it prepares."""
 
     solver: ContactSolver
     count: int = 0

@@ -65,7 +65,7 @@ class TriggerFactory:
     armed: NDArray[np.bool_]
 
     def triggers(self, position: FloatArray, velocity: FloatArray) -> list[Trigger]:
-        """Return the triggers of the phase that begins with q and u, which give the scale of forces and velocities."""
+        """Return the triggers of the phase that begins at (q, u); its forces and velocities scale the margins."""
         _, forces = self.laws.motion(position, velocity, self.modes)
         contact_velocity = self.laws.system.directions(position).T @ velocity
         tiny = np.finfo(np.float64).tiny  # suppresses events of forces and velocities that remain zero

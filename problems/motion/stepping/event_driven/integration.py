@@ -47,7 +47,7 @@ from .events import Trigger, TriggerFactory
 from .motion import AccumulationError, Event, Motion, MotionError, Phase
 
 ROUNDING = 1e-12
-"""Velocities and accelerations below this fraction of the largest ones in their problem count as zero."""
+"""Velocities and accelerations below this fraction of the largest ones in the same problem count as zero."""
 
 SIMULTANEOUS = 1e-6
 """Contacts that would hit within this fraction of the shortest flight count as simultaneous."""
@@ -72,7 +72,7 @@ class Integration:
     Attributes:
         system: the mechanical system.
         solver: solves impacts and accelerations.
-        stop: the stopping criteria of each solve.
+        stop: the stopping criterion of each solve.
         start: the initial state.
         tolerance: relative error of the integration of smooth phases.
         longest_step: longest time between two states [s].

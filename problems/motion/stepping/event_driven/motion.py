@@ -19,10 +19,10 @@ class Event:
 
     Attributes:
         time: t [s].
-        law: the law that changes.
+        law: the law whose state changes.
         contact: index of the contact.
-        before: its state before.
-        after: its state after.
+        before: state of the law before the event.
+        after: state of the law after the event.
         state: state of the system just after the event.
         impulses: Λ of this contact [N s] if it closes in an impact, else zeros, shape (rows per contact,).
     """
@@ -101,7 +101,7 @@ class AccumulationError(MotionError):
     Attributes:
         contact: the bouncing contact.
         impacts: number of computed impacts.
-        accumulation_time: time at which they accumulate [s], from the ratio of the last two flights.
+        accumulation_time: time at which impacts accumulate [s], from the ratio of the last two flights.
     """
 
     def __init__(self, motion: Motion, contact: int, impacts: int, flight: float, accumulation_time: float) -> None:
