@@ -52,9 +52,10 @@ class Slabs(NamedTuple):
 def divide_into_slabs(pieces: Pieces) -> Slabs:
     """Divide the contacts of pieces that come in pairs; the idle chunk belongs to no body."""
     bodies, chunks, levels = _search(pieces.chunks, pieces.n_chunks)
-    slabs, n_slabs = _slabs(chunks, levels, MIN_SLAB)
-    members, ends = _by_colour(slabs, n_slabs)
-    places, first_batch = _fill_batches(chunks, len(bodies), members, ends)
+    members = _in_order_of_bodies(chunks, len(bodies))
+    begins = _first_members(chunks, levels, members, MIN_SLAB)
+    places, first_batch = _fill_batches(chunks, len(bodies), members, begins)
+    n_slabs = len(begins) - 1
     first_slab = np.array([0, n_slabs - n_slabs // 2, n_slabs])
     return Slabs(places, first_batch, first_slab, bodies, chunks)
 
@@ -118,57 +119,55 @@ def _visit(starts, found, root, begin, level, levels, queue):  # type: ignore[no
 
 
 @njit(cache=True)
-def _slabs(chunks, levels, least):  # type: ignore[no-untyped-def]
-    """Return the slab of each contact, and the number of slabs; ``levels`` grow with the bodies."""
-    n_bodies, n_levels = len(levels), (levels[-1] if len(levels) else 0) + 1
-    slabs, sizes = np.zeros(len(chunks) // 2, dtype=np.int64), np.zeros(n_levels, dtype=np.int64)
-    for contact in range(len(slabs)):
-        body = min(chunks[2 * contact], chunks[2 * contact + 1])  # the idle chunk is last
-        if body < n_bodies:
-            slabs[contact] = levels[body]
-        sizes[slabs[contact]] += 1
-    slab, size = 0, 0
-    for level in range(n_levels):
-        if size >= least and sizes[level]:
-            slab, size = slab + 1, 0
-        size += sizes[level]
-        sizes[level] = slab
-    for contact in range(len(slabs)):
-        slabs[contact] = sizes[slabs[contact]]
-    return slabs, slab + 1
+def _in_order_of_bodies(chunks, n_bodies):  # type: ignore[no-untyped-def]
+    """Return the contacts in the order of the first of their bodies; contacts of the same body keep their order."""
+    n_contacts = len(chunks) // 2
+    begins, members = np.zeros(n_bodies + 2, dtype=np.int64), np.empty(n_contacts, dtype=np.int64)
+    for contact in range(n_contacts):
+        begins[min(chunks[2 * contact], chunks[2 * contact + 1]) + 1] += 1  # the idle chunk is last
+    for body in range(n_bodies + 1):
+        begins[body + 1] += begins[body]
+    for contact in range(n_contacts):
+        body = min(chunks[2 * contact], chunks[2 * contact + 1])
+        members[begins[body]] = contact
+        begins[body] += 1
+    return members
 
 
 @njit(cache=True)
-def _by_colour(slabs, n_slabs):  # type: ignore[no-untyped-def]
-    """Return the contacts of the even slabs and those of the odd slabs, slab by slab, and the end of each slab."""
-    ends, members = np.zeros(n_slabs, dtype=np.int64), np.empty(len(slabs), dtype=np.int64)
-    n_even = n_slabs - n_slabs // 2
-    for contact in range(len(slabs)):
-        ends[slabs[contact] // 2 + n_even * (slabs[contact] % 2)] += 1
-    begins = np.cumsum(ends) - ends
-    for contact in range(len(slabs)):
-        slab = slabs[contact] // 2 + n_even * (slabs[contact] % 2)
-        members[begins[slab]] = contact
-        begins[slab] += 1
-    return members, begins
+def _first_members(chunks, levels, members, least):  # type: ignore[no-untyped-def]
+    """Return the position in ``members`` of the first contact of each slab, then the number of contacts."""
+    begins, n_slabs = np.zeros(len(members) // least + 2, dtype=np.int64), 1
+    for k in range(1, len(members)):
+        before, contact = members[k - 1], members[k]
+        body = min(chunks[2 * contact], chunks[2 * contact + 1])
+        if k - begins[n_slabs - 1] < least or body == len(levels):
+            continue
+        if levels[body] > levels[min(chunks[2 * before], chunks[2 * before + 1])]:
+            begins[n_slabs] = k
+            n_slabs += 1
+    begins[n_slabs] = len(members)
+    return begins[: n_slabs + 1]
 
 
 @njit(cache=True)
-def _fill_batches(chunks, idle, members, ends):  # type: ignore[no-untyped-def]
+def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def]
     """Return the place of each contact and the first batch of each slab.
 
     Each contact of a slab in turn gets the first batch with an empty lane and none of its bodies.
     """
-    places, first_batch = np.empty(len(members), dtype=np.int64), np.empty(len(ends) + 1, dtype=np.int64)
+    places, first_batch = np.empty(len(members), dtype=np.int64), np.empty(len(begins), dtype=np.int64)
     taken = np.zeros(idle + 1, dtype=np.int64)  # a bit for each open batch that touches a body
     since = np.full(idle + 1, -1, dtype=np.int64)  # the first open batch when they were written
     used = np.zeros(OPEN_BATCHES, dtype=np.int64)
-    begin, n_batches = 0, 0
-    for slab in range(len(ends)):
+    n_batches, n_slabs = 0, len(begins) - 1
+    n_even = n_slabs - n_slabs // 2
+    for slab in range(n_slabs):
+        place = 2 * slab if slab < n_even else 2 * (slab - n_even) + 1
         first_batch[slab] = n_batches
         base, full, first_open = n_batches, np.int64(0), 0
         used[:] = 0
-        for k in range(begin, ends[slab]):
+        for k in range(begins[place], begins[place + 1]):
             contact = members[k]
             a, b = chunks[2 * contact], chunks[2 * contact + 1]
             closed = full
@@ -193,6 +192,5 @@ def _fill_batches(chunks, idle, members, ends):  # type: ignore[no-untyped-def]
                     first_open += 1
             places[contact] = LANES * (base + batch) + lane
             n_batches = max(n_batches, base + batch + 1)
-        begin = ends[slab]
-    first_batch[len(ends)] = n_batches
+    first_batch[n_slabs] = n_batches
     return places, first_batch
