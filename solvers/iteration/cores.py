@@ -33,4 +33,6 @@ def one_library_thread() -> Iterator[None]:
 
 @cache
 def _libraries() -> ThreadpoolController:
+    import scipy.linalg  # noqa: F401  # a controller knows only libraries that are loaded, and finding them takes 2 ms
+
     return ThreadpoolController()

@@ -4,7 +4,7 @@
 it prints the least and the median processor time of a step, and the mean number of sweeps. The solvers take turns; each
 sample is ten successive steps of 1 ms from the same state.
 
-``--threads 1 2`` adds sweeps over slabs in one and in two threads, and prints wall times instead of processor times.
+``--threads 1 2`` compares sweeps to 1e-2 in sequential order and over slabs in one and in two threads, by wall times.
 """
 
 import argparse
@@ -17,6 +17,7 @@ from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create
+from proxbench.solvers.iteration.cores import one_library_thread
 
 STEP, DEPTH = 1e-3, 1e-4
 """Δt [s], and the penetration [m] that the projection leaves."""
@@ -35,8 +36,8 @@ STEPS, SAMPLES = 10, 40
 
 
 def over_slabs(threads: Sequence[int]) -> list[tuple[str, float]]:
-    """Return a solver and a tolerance for each number of threads."""
-    return [(f"ColouredSORprox(relaxation=1.1, momentum=0.65, threads={n})", 1e-2) for n in threads]
+    """Return sequential sweeps, and sweeps over slabs for each number of threads, with a tolerance."""
+    return [SOLVERS[1]] + [(f"ColouredSORprox(relaxation=1.1, momentum=0.65, threads={n})", 1e-2) for n in threads]
 
 
 def measure(balls: int, state: State, solvers: Sequence[tuple[str, float]], clock: Callable[[], float]) -> None:
@@ -70,8 +71,9 @@ def main() -> None:
     scene = make_scene(f"funnel(balls={given.balls})")
     rule = MidpointRule(scene.system, create(POURING), Stop(1e-2), STEP, depth=DEPTH)
     for _, step in list(steps_at(rule, scene.start, given.times)):
-        measure(given.balls, step.state, [*SOLVERS, *over_slabs(given.threads)], clock)
+        measure(given.balls, step.state, over_slabs(given.threads) if given.threads else SOLVERS, clock)
 
 
 if __name__ == "__main__":
-    main()
+    with one_library_thread():
+        main()

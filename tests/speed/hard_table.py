@@ -17,6 +17,7 @@ from proxbench.problems.contact.transformations import duplicated, permuted
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.stepping.midpoint import step_problem
 from proxbench.solvers import Stop, create
+from proxbench.solvers.iteration.cores import one_library_thread
 
 TOLERANCES = (1e-6, 1e-8)
 NOISE = 1e-6
@@ -106,4 +107,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with one_library_thread():
+        main()

@@ -23,6 +23,7 @@ from proxbench.problems.motion.scenes.effects import Friction, Gravity, Restitut
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule, step_problem
 from proxbench.solvers import Stop, create
+from proxbench.solvers.iteration.cores import one_library_thread
 from proxbench.solvers.sweeps.batches.ball_kernels import sweep_balls
 
 RADIUS, MASS, PITCH, JITTER, SPEED = 0.01, 0.01, 1.97, 0.02, 0.3
@@ -161,4 +162,5 @@ if __name__ == "__main__":
     parser.add_argument("--solver", default=SOLVER, help="solver of the steps; sweeps are always those of %(default)s")
     parser.add_argument("--start", choices=STARTS, default=WARM, help="start of each solve")
     words = parser.parse_args()
-    main(words.balls, words.solver, words.start)
+    with one_library_thread():
+        main(words.balls, words.solver, words.start)

@@ -27,6 +27,7 @@ from proxbench.problems.arrays import FloatArray
 from proxbench.problems.motion.scenes.funnel import RADIUS, Funnel
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Status, Stop, create, solve
+from proxbench.solvers.iteration.cores import one_library_thread
 from proxbench.solvers.prox.parallel import coloured_sweep
 from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, ColouredSweep
 from proxbench.solvers.sweeps.batches.balls import BallSweep
@@ -166,4 +167,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    with one_library_thread():
+        main()
