@@ -27,7 +27,6 @@ def test_libraries_use_one_thread_inside_and_as_many_as_before_afterwards() -> N
 def test_a_library_that_methods_import_later_uses_one_thread_too() -> None:
     program = """
 import sys
-import scipy.linalg  # noqa: F401
 from proxbench.solvers.iteration.cores import one_library_thread
 assert "scipy.linalg" not in sys.modules
 with one_library_thread():
