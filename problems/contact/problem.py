@@ -75,7 +75,7 @@ class ContactProblem:
 
     def __post_init__(self) -> None:
         _require_type("laws", self.laws, Laws, "Laws, as from Laws.contacts(mu, dim, n_contacts)")
-        _require_type("name", self.name, str, "a text")
+        _require_type("name", self.name, str, "a string")
         _require_type("provenance", self.provenance, Mapping, "a dictionary")
         object.__setattr__(self, "free_velocity", _finite_vector(self.free_velocity, "c", self.laws.n_rows))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
@@ -281,7 +281,7 @@ class ContactProblem:
         Raises:
             ProblemError: if the name is not a string.
         """
-        _require_type("name", name, str, "a text")
+        _require_type("name", name, str, "a string")
         return self._described(name=name, provenance={**self.provenance, **provenance})
 
     def with_free_velocity(self, free_velocity: ArrayLike) -> "ContactProblem":
@@ -354,7 +354,7 @@ def _finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
 
 def _check_keys(keys: Sequence[str], n_contacts: int) -> None:
     if not isinstance(keys, Sequence) or isinstance(keys, str) or not all(isinstance(key, str) for key in keys):
-        raise ProblemError(f"`keys` must be a sequence of texts, one for each contact, got {keys!r:.60}.")
+        raise ProblemError(f"`keys` must be a sequence of strings, one for each contact, got {keys!r:.60}.")
     if len(keys) != n_contacts:
         raise ProblemError(f"`keys` must name each of {counted(n_contacts, 'contact')}, got {len(keys)}.")
     repeated = [key for key, count in Counter(keys).items() if count > 1]

@@ -96,7 +96,7 @@ def read_prepared(source: str, message: Message) -> tuple[int, float, str]:
     """
     if len(message.body) < _SECONDS.size:
         raise BrokenInterfaceError(
-            f"{source} sent {len(message.body)} bytes as the answer to prepare; send seconds and a text."
+            f"{source} sent {len(message.body)} bytes as the answer to prepare; send seconds and a string."
         )
     (seconds,) = _SECONDS.unpack_from(message.body)
     return message.code, seconds, text_of(message.body[_SECONDS.size :])

@@ -203,7 +203,7 @@ def _digest(root: Group) -> str:
     if not written:
         return ""
     if len(written) != 2 or written[0] != written[1] or not written[0]:
-        raise ContainerError(f"its two texts {DIGEST} differ")
+        raise ContainerError(f"its two strings {DIGEST} differ")
     return written[0]
 
 

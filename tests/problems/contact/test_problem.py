@@ -244,13 +244,13 @@ def test_contacts_without_friction_and_dimension_are_spatial_and_frictionless() 
 @pytest.mark.parametrize(
     ("attributes", "words"),
     [
-        ({"name": 5}, "name must be a text; got a value of type int"),
+        ({"name": 5}, "name must be a string; got a value of type int"),
         ({"provenance": 5}, "provenance must be a dictionary; got a value of type int"),
         ({"answer": np.zeros(3)}, "answer must be an Answer, .* got a value of type ndarray"),
         ({"laws": [1]}, "laws must be Laws, .* got a value of type list"),
-        ({"keys": "a"}, "`keys` must be a sequence of texts, one for each contact, got 'a'"),
-        ({"keys": [5]}, r"`keys` must be a sequence of texts, one for each contact, got \[5\]"),
-        ({"keys": 3}, "`keys` must be a sequence of texts, one for each contact, got 3"),
+        ({"keys": "a"}, "`keys` must be a sequence of strings, one for each contact, got 'a'"),
+        ({"keys": [5]}, r"`keys` must be a sequence of strings, one for each contact, got \[5\]"),
+        ({"keys": 3}, "`keys` must be a sequence of strings, one for each contact, got 3"),
     ],
 )
 def test_an_attribute_of_another_type_is_refused(attributes: dict[str, Any], words: str) -> None:
@@ -259,5 +259,5 @@ def test_an_attribute_of_another_type_is_refused(attributes: dict[str, Any], wor
 
 
 def test_a_new_name_must_be_a_text() -> None:
-    with pytest.raises(ProblemError, match="name must be a text"):
+    with pytest.raises(ProblemError, match="name must be a string"):
         ContactProblem.from_delassus(G, C).renamed(5)  # type: ignore[arg-type]
