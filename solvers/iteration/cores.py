@@ -1,11 +1,13 @@
 """The cores that this process may use, and threads of numerical libraries."""
 
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from typing import Any
 
-from threadpoolctl import ThreadpoolController
+from threadpoolctl import OpenBLASController, ThreadpoolController
 
 
 def usable_cores() -> int:
@@ -22,13 +24,51 @@ def thread_requirement(cores: int) -> str:
 
 @contextmanager
 def one_library_thread() -> Iterator[None]:
-    """Limit BLAS and similar libraries to one thread, also in other threads of this process.
+    """Limit BLAS to one thread in the whole process, until the last of several simultaneous uses ends.
 
     With several threads, the rounding of sums depends on their number, and hard problems amplify it until other methods
-    succeed. OpenBLAS also keeps all cores busy for a tenth of a second after each call.
+    succeed. OpenBLAS also keeps all cores busy for a tenth of a second after each call. The libraries are those of
+    NumPy and SciPy, and any other BLAS that is loaded before the first use.
     """
-    with _libraries().limit(limits=1):
+    _limit.enter()
+    try:
         yield
+    finally:
+        _limit.leave()
+
+
+class _SharedLimit:
+    """The limit of a process, and the number of its users."""
+
+    def __init__(self) -> None:
+        self._lock, self._n_users = threading.Lock(), 0
+        self._limiter: Any = None
+
+    def enter(self) -> None:
+        """Set the limit for the first user."""
+        with self._lock:
+            if self._n_users == 0:
+                self._limiter = _libraries().limit(limits=1, user_api="blas")
+                _release_control()
+            self._n_users += 1
+
+    def leave(self) -> None:
+        """Restore the numbers of threads after the last user, which may run in another thread than the first one."""
+        with self._lock:
+            self._n_users -= 1
+            if self._n_users == 0:
+                self._limiter.restore_original_limits()
+                _release_control()
+
+
+_limit = _SharedLimit()
+
+
+def _release_control() -> None:
+    """Let any thread change the number of threads; threadpoolctl 3.8 allows only the one that did so first."""
+    release: Any = getattr(OpenBLASController, "clear_controlling_thread", None)
+    if release is not None:
+        release(force=True)
 
 
 @cache

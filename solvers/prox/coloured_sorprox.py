@@ -21,7 +21,7 @@ from .parallel.team import check_threads
 
 @dataclass(frozen=True)
 class PreparedWithFewerThreads:
-    """A projected iteration over too few contacts or slabs for the requested threads.
+    """A projected iteration in which the requested threads would save little time.
 
     Attributes:
         iteration: the iteration.
@@ -36,7 +36,7 @@ class PreparedWithFewerThreads:
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep until the residual reaches the tolerance; the message gives the number of threads."""
         solution = self.iteration.solve(stop, start, observe)
-        threads = f"{self.threads} of {self.requested} threads used, because there are few contacts or slabs"
+        threads = f"{self.threads} of {self.requested} threads used, because more would save little time"
         return replace(solution, message="; ".join(filter(None, [solution.message, threads])))
 
 
@@ -49,8 +49,8 @@ class ColouredSORprox(Method):
     Attributes:
         relaxation: ω, as in ``SORprox``.
         momentum, momentum_delay: β and d, as in ``SORprox``.
-        threads: number of threads, at most the number of cores that the process may use. Each thread needs 2000
-            contacts and a slab of each colour; if there are fewer, fewer threads are used, and the message reports it.
+        threads: number of threads, at most the number of cores that the process may use. Fewer are used, and the
+            message says so, if there are fewer than 2000 contacts per thread, or if few slabs hold most contacts.
 
     Raises:
         SolverError: if an option is out of range.

@@ -52,10 +52,14 @@ def measure(balls: int, state: State, solvers: Sequence[tuple[str, float]], cloc
             steps = list(rule.steps(state, STEPS))
             samples[key].append(1e3 * (clock() - began) / STEPS)
             sweeps[key] = np.mean([step.iterations for step in steps])
+    problem = steps[-1].problem
+    assert problem is not None
     for (solver, tolerance), taken in samples.items():
         kept = taken[1:]  # the first sample compiles
+        used = getattr(create(solver).prepare(problem), "threads", None)  # fewer than requested
+        label = f"`{solver}`" if used is None else f"`{solver}` ({used} used)"
         cells = f"{tolerance:.0e} | {sweeps[solver, tolerance]:.0f} | {min(kept):.2f} | {np.median(kept):.2f}"
-        print(f"| {balls} | {state.time:.2f} | `{solver}` | {cells} |", flush=True)
+        print(f"| {balls} | {state.time:.2f} | {label} | {cells} |", flush=True)
 
 
 def main() -> None:

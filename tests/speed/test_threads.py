@@ -12,5 +12,6 @@ def test_labels_contain_the_threads_that_run(monkeypatch: pytest.MonkeyPatch) ->
     sizes = diagonal_step_sizes(problem, 1.1)
     assert [*slab_sweeps(problem, sizes, (1, 2))] == ["by slabs, threads=1", "by slabs, threads=1 (of 2)"]
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
+    monkeypatch.setattr(coloured_sweep, "MIN_EFFICIENCY", 0.0)
     monkeypatch.setattr(slabs, "MIN_SLAB", 8)
     assert [*slab_sweeps(problem, sizes, (1, 2))] == ["by slabs, threads=1", "by slabs, threads=2"]

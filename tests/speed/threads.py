@@ -10,7 +10,7 @@ A second table has whole solves to a residual of 1e-2 from zero, in milliseconds
 sweeps to residuals of 1e-2 and 1e-4, in plain order and by slabs, for several relaxations and momenta.
 
 Labels contain the number of threads that run, as in "threads=1 (of 2)" if the problem has too few contacts for the two
-that were requested. ``--force`` runs all threads that are requested.
+that were requested. ``--force`` runs all of them, unless there are too few slabs.
 """
 
 import argparse
@@ -132,7 +132,9 @@ def measure_solves(problem: ContactProblem, threads: Sequence[int], momentum: fl
             times[name].append(time.perf_counter() - began)
     for name, values in times.items():
         kept = 1e3 * np.array(values[1:])
-        print(f"  {name:62} {sweeps[name]:4} sweeps {kept.min():8.2f} {np.median(kept):8.2f} ms")
+        used = getattr(prepared[name], "threads", None)
+        label = name if used is None else f"{name} ({used} used)"
+        print(f"  {label:70} {sweeps[name]:4} sweeps {kept.min():8.2f} {np.median(kept):8.2f} ms")
 
 
 def count_sweeps(problem: ContactProblem) -> None:
@@ -157,7 +159,7 @@ def main() -> None:
     parser.add_argument("--force", action="store_true", help="run all requested threads, even if that takes longer")
     given = parser.parse_args()
     if given.force:
-        coloured_sweep.MIN_CONTACTS_PER_THREAD = 1
+        coloured_sweep.MIN_CONTACTS_PER_THREAD, coloured_sweep.MIN_EFFICIENCY = 1, 0.0
     for balls in given.balls:
         print(f"{balls} balls: ", end="", flush=True)
         problem = poured(balls)

@@ -24,10 +24,11 @@ def update_ball_batch(balls, batch, moved, impulses, change, present, turn, move
     for lane in range(lanes):
         a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
         first_mass, second_mass = records[mass + lane], records[mass + lanes + lane]  # inverse masses
-        for k in range(three):
-            moved[a + k] += first_mass * moves[lanes * k + lane]
-            moved[a + k + three] -= first_mass * moves[lanes * (k + three) + lane]
-        if b != idle:  # threads would wait for each other's writes to the idle ball, which is zero
+        if a != idle:  # the idle ball of empty lanes and surfaces stays zero, because all threads read it
+            for k in range(three):
+                moved[a + k] += first_mass * moves[lanes * k + lane]
+                moved[a + k + three] -= first_mass * moves[lanes * (k + three) + lane]
+        if b != idle:
             for k in range(three):
                 moved[b + k] -= second_mass * moves[lanes * k + lane]
                 moved[b + k + three] -= second_mass * moves[lanes * (k + three) + lane]

@@ -47,6 +47,9 @@ PIECE_LENGTH = 512
 MIN_CONTACTS_PER_THREAD = 2000
 """Minimum number of contacts per thread; with fewer, whole solves in two threads save little or no time."""
 
+MIN_EFFICIENCY = 0.75
+"""Minimum of the largest possible speed-up per thread, which is smaller if few slabs hold most contacts."""
+
 
 @dataclass(frozen=True, eq=False)
 class ColouredSweep:
@@ -59,7 +62,7 @@ class ColouredSweep:
         motion: maps Λ, shape (n_rows,), to v of all bodies with contacts and of the idle one, flat.
         slabs: the slabs of contacts.
         slots: position of each entry of padded Λ in the order of the batches.
-        threads: number of threads, fewer than requested if there are few contacts or slabs.
+        threads: number of threads; fewer than requested if there are few contacts, or few slabs hold most of them.
     """
 
     layout: BlockLayout
@@ -80,8 +83,7 @@ class ColouredSweep:
         layout, balls = problem.layout, balls_of(problem)
         pairs = in_pairs(problem.factor_pieces()) if balls is None else balls.directions
         slabs = divide_into_slabs(pairs)
-        useful = min(layout.n_blocks // MIN_CONTACTS_PER_THREAD, int(slabs.first_slab[1]))
-        shared = slabs, max(1, min(threads, useful))
+        shared = slabs, _useful_threads(slabs, layout.n_blocks, threads)
         if balls is None:
             pairs = Pieces(pairs.starts, slabs.chunks, pairs.values, len(slabs.bodies))
             return ColouredSweep._over_pieces(problem, sizes, pairs, *shared)
@@ -103,6 +105,14 @@ class ColouredSweep:
         data = batch_arguments(pairs, batches, free.reshape(-1), laws, coupling)
         slots = slots_in_batches(slabs.places).reshape(-1, 3)[:, : layout.width].reshape(-1)
         return ColouredSweep(layout, data, None, partial(_motion, layout, pairs), slabs, slots, threads)
+
+
+def _useful_threads(slabs: Slabs, n_contacts: int, threads: int) -> int:
+    """Return the largest number of threads, at most ``threads``, that has enough contacts and saves enough time."""
+    for count in range(min(threads, n_contacts // MIN_CONTACTS_PER_THREAD), 1, -1):
+        if slabs.largest_speedup(count) >= MIN_EFFICIENCY * count:
+            return count
+    return 1
 
 
 def _motion(layout: BlockLayout, pairs: Pieces, impulses: FloatArray) -> FloatArray:

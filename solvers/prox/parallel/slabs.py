@@ -48,6 +48,16 @@ class Slabs(NamedTuple):
         """Number of batches."""
         return int(self.first_batch[-1])
 
+    def largest_speedup(self, threads: int) -> float:
+        """Return the largest ratio of the time of a sweep in one thread to that in several.
+
+        A colour takes at least as long as its largest slab, and as its share of each thread.
+        """
+        sizes = np.diff(self.first_batch)
+        colours = sizes[: self.first_slab[1]], sizes[self.first_slab[1] :]
+        slowest = sum(max(colour.max(initial=0), colour.sum() / threads) for colour in colours)
+        return float(sizes.sum() / slowest) if slowest > 0.0 else 1.0
+
 
 def divide_into_slabs(pieces: Pieces) -> Slabs:
     """Divide the contacts of pieces that come in pairs; the idle chunk belongs to no body."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg  # noqa: F401  # so that its BLAS is loaded
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Status, Stop, create, solve
 from proxbench.solvers.composite import robust, sweep_selection
@@ -202,14 +203,14 @@ def test_methods_after_the_first_window_use_one_thread_of_numerical_libraries(mo
     """Hard problems amplify rounding, so the outcome would depend on the number of cores."""
 
     def threads() -> list[int]:
-        return [library["num_threads"] for library in threadpool_info()]
+        return [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
 
     during: dict[str, list[int]] = {}
-    for name in ("run_sweeps", "run_newton_steps"):
+    for name in ("run_sweeps", "accelerated_sweeps", "run_newton_steps", "run_sequence"):
         run = getattr(robust, name)
 
         def watched(*arguments: Any, name: str = name, run: Any = run, **options: Any) -> Any:
-            during[name] = threads()
+            during.setdefault(name, threads())
             return run(*arguments, **options)
 
         monkeypatch.setattr(robust, name, watched)
@@ -217,7 +218,8 @@ def test_methods_after_the_first_window_use_one_thread_of_numerical_libraries(mo
         before = threads()
         robust.prepare_by_parts(load("funnel-30")).solve(Stop(1e-8))
         assert during == {"run_sweeps": before}
-        robust.prepare_by_parts(load("hard-tower-10-top-1e4")).solve(Stop(1e-8))
+        robust.prepare_by_parts(load("funnel-30-late")).solve(Stop(1e-8))
         assert threads() == before
-    assert set(during["run_newton_steps"]) == {1}
     assert max(before) > 1
+    later = {name: set(found) for name, found in during.items() if name != "run_sweeps"}
+    assert later == {"accelerated_sweeps": {1}, "run_newton_steps": {1}, "run_sequence": {1}}

@@ -20,8 +20,24 @@ from proxbench.solvers.prox.parallel.team import Team, _Member
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 
+def chains(has_hub: bool) -> ContactProblem:
+    """Return random contacts between the bodies of twenty chains; with a hub, every other body touches body 0, too."""
+    rng = np.random.default_rng(5)
+    pairs = [(k, k + 1) for k in range(1, 200) if k % 10]
+    if has_hub:
+        pairs += [(0, k) for k in range(1, 200, 2)]
+    columns = np.zeros((6 * 201, 3 * len(pairs)))
+    for contact, bodies in enumerate(pairs):
+        for body in bodies:
+            columns[6 * body : 6 * body + 6, 3 * contact : 3 * contact + 3] = rng.normal(size=(6, 3))
+    free = rng.normal(size=3 * len(pairs))
+    return ContactProblem.from_factors(sp.csc_array(columns), np.ones(len(columns)), free, 0.3)
+
+
 def problem_of(name: str) -> ContactProblem:
     """Load a problem whose W has pieces, or make the first step of compressed balls, whose W has records."""
+    if name in ("hub", "parts"):
+        return chains(has_hub=name == "hub")
     if name != "balls":
         return load(name)
     scene = make_scene("funnel(balls=300)")
@@ -35,6 +51,7 @@ def problem_of(name: str) -> ContactProblem:
 
 def use_threads_for_small_problems(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
+    monkeypatch.setattr(coloured_sweep, "MIN_EFFICIENCY", 0.0)
     monkeypatch.setattr(slabs, "MIN_SLAB", 8)
 
 
@@ -87,11 +104,11 @@ def test_any_number_of_threads_gives_the_same_solution(
     assert found[1:] == [found[0]] * 2
 
 
-def test_few_contacts_are_swept_in_one_thread_and_the_message_says_so() -> None:
+def test_few_contacts_are_swept_in_one_thread_and_the_message_says_why() -> None:
     problem = load("funnel-300")
     assert ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 2).threads == 1
     messages = [solve(problem, f"ColouredSORprox(threads={threads})", tolerance=1e-2).message for threads in (1, 2)]
-    assert messages == ["", "1 of 2 threads used, because there are few contacts or slabs"]
+    assert messages == ["", "1 of 2 threads used, because more would save little time"]
 
 
 @pytest.mark.parametrize("name", ["funnel-300", "balls"])
@@ -120,12 +137,14 @@ def test_late_or_missing_threads_do_not_change_the_result(
 
 
 @pytest.mark.parametrize(
-    "name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-30", "hard-sticking-box", "balls"]
+    "name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-30", "hard-sticking-box", "balls", "hub", "parts"]
 )
 @pytest.mark.parametrize(("momentum", "delay"), [(0.0, 0.0), (0.5, 0.0), (0.5, 4.0)])
+@pytest.mark.parametrize("size", [8, slabs.MIN_SLAB])
 def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_slabs(
-    name: str, momentum: float, delay: float
+    name: str, momentum: float, delay: float, size: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(slabs, "MIN_SLAB", size)
     problem = problem_of(name)
     sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.2), 1)
     order = np.argsort(sweep.slots.reshape(problem.n_contacts, -1)[:, 0])
@@ -139,6 +158,15 @@ def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_slabs(
     coloured, sequential = np.array(seen[0]), np.array([plain.impulses(x) for x in seen[1]])
     assert coloured.shape == sequential.shape == (40, problem.n_rows)
     assert np.abs(coloured - sequential).max() <= 1e-11 * np.abs(coloured).max()
+
+
+def test_threads_that_would_wait_for_the_largest_slab_are_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If one body touches half of the others, half of the contacts must be swept one after another."""
+    monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
+    monkeypatch.setattr(slabs, "MIN_SLAB", 8)
+    for name, threads in (("parts", 2), ("hub", 1)):
+        problem = problem_of(name)
+        assert ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 2).threads == threads
 
 
 @pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100", "balls"])

@@ -138,6 +138,7 @@ def test_a_pinned_process_gets_one_thread() -> None:
 @pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="there is one core alone")
 def test_a_solve_leaves_no_thread_running(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(coloured_sweep, "MIN_CONTACTS_PER_THREAD", 1)
+    monkeypatch.setattr(coloured_sweep, "MIN_EFFICIENCY", 0.0)
     monkeypatch.setattr(slabs, "MIN_SLAB", 8)
     before, during, run = _thread._count(), [], Team.run
 
@@ -161,7 +162,7 @@ import numpy as np
 from proxbench.problems import load
 from proxbench.solvers.prox.parallel import coloured_sweep, slabs
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
-coloured_sweep.MIN_CONTACTS_PER_THREAD, slabs.MIN_SLAB = 1, 8
+coloured_sweep.MIN_CONTACTS_PER_THREAD, coloured_sweep.MIN_EFFICIENCY, slabs.MIN_SLAB = 1, 0.0, 8
 problem = load("funnel-300")
 sweep = coloured_sweep.ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 2)
 assert sweep.threads == 2
