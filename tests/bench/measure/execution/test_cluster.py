@@ -25,7 +25,7 @@ N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "4"))
 """Number of problems of the run; PROXBENCH_CLUSTER=200 gives a run that is large enough to need a cluster."""
 
 
-def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_dask_is_reported_with_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(BenchError, match="dask is not installed; run pip"), dask_executor("local"):
         pass
@@ -73,7 +73,7 @@ def test_two_workers_of_which_one_is_killed_measure_what_one_machine_does(tmp_pa
     assert rejudge(bundle(swept, tmp_path / "swept.bundle")).disagreements == []
 
 
-def test_a_cluster_that_cannot_be_reached_is_one_sentence(
+def test_an_unreachable_cluster_is_reported_in_one_sentence(
     mistake: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
