@@ -107,7 +107,7 @@ def test_friction_of_a_joint_is_bounded_by_its_moment_times_the_step() -> None:
         ({"kind": "ball", "friction": 1.0}, "no axis for friction"),
     ],
 )
-def test_a_joint_without_sense_is_refused(change: dict[str, Any], words: str) -> None:
+def test_inconsistent_joint_parameters_are_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         Joint(**{"kind": "revolute", "first": 0, **change})
 
