@@ -10,7 +10,7 @@ from proxbench.bench.isolation.child import Assignment
 from proxbench.bench.isolation.supervisor import _SIGNALS, _restore_signals, _signal_pipe, supervise
 
 
-def test_signals_are_written_to_the_pipe_until_handlers_are_restored() -> None:
+def test_a_signal_is_in_the_pipe_until_the_signals_are_restored() -> None:
     before = {number: signal.getsignal(number) for number in _SIGNALS}
     try:
         wakeup = _signal_pipe()

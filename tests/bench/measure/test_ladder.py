@@ -58,7 +58,7 @@ class Fake(LadderCase[None]):
         return {}
 
 
-def test_cases_start_in_parallel(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cases_begin_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ladder.os, "cpu_count", lambda: 2)
     both = threading.Barrier(2, timeout=30.0)
     measure_ladder([Fake(lambda case: both.wait()), Fake(lambda case: both.wait())])
@@ -80,7 +80,7 @@ def test_an_interrupt_ends_cases_that_begin_and_fails_none(monkeypatch: pytest.M
     assert [case.outcome for case in cases] == [Outcome.MEASURED] * 3
 
 
-def test_a_case_whose_process_dies_at_the_start_has_crashed() -> None:
+def test_a_case_that_dies_as_it_begins_has_failed() -> None:
     case = Fake(Fake.dies)
     measure_ladder([case])
     assert case.outcome is Outcome.CRASHED

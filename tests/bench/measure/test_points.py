@@ -23,7 +23,7 @@ def point(
 
 @pytest.mark.parametrize("is_first", [True, False])
 @pytest.mark.parametrize("worse", [Outcome.RELAXED, Outcome.TIME_LIMIT, Outcome.STALLED, Outcome.WRONG])
-def test_the_worse_of_two_outcomes_counts_in_either_order(worse: Outcome, is_first: bool) -> None:
+def test_the_worse_outcome_counts_whenever_it_comes(worse: Outcome, is_first: bool) -> None:
     good, bad = point(one_round(0)), point(one_round(1), worse, reason="why")
     found = joined(bad, good) if is_first else joined(good, bad)
     assert (found.outcome, found.reason) == (worse, "why")

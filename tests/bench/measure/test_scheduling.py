@@ -119,7 +119,7 @@ def test_a_point_that_only_the_last_pass_reaches_needs_no_other_pass(number: int
 
 
 @pytest.mark.slow
-def test_a_failed_case_is_not_measured_in_later_passes(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_case_that_fails_gets_no_more_rounds_and_stays_failed(tmp_path_factory: pytest.TempPathFactory) -> None:
     made = run(
         "hard-sticking-box",
         ["SORprox", CrashingBelow(1e-3)],

@@ -168,7 +168,7 @@ def test_a_malformed_shard_is_refused(shard: str) -> None:
         select_shard(Selection(("a", "b"), {}), shard)
 
 
-def test_an_empty_shard_is_refused() -> None:
+def test_a_shard_without_a_problem_is_refused() -> None:
     with pytest.raises(BenchError, match=r"has none of the problems \(2 in all\); use fewer shards"):
         select_shard(Selection(("a", "b"), {}), "3/3")
 

@@ -126,7 +126,9 @@ def test_a_stored_run_uses_a_library_only_where_it_is_named(
         check_plugins_unchanged(uses)
 
 
-def test_a_file_that_is_no_solver_library_is_refused_in_one_sentence(faulty: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_is_no_solver_library_is_refused_in_one_sentence(
+    faulty: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run_command(["run", "--problem", PROBLEM, "--solver", "Shared(./none.so)"]) == 2
     assert capsys.readouterr().err == (
         "proxbench: there is no shared library ./none.so; build it, or correct its path.\n"

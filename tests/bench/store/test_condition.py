@@ -137,7 +137,7 @@ def test_few_missing_cases_are_named_beside_known_ones(left: int, n_named: int, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("problems", "empty"), [(["hard-empty"], True), (["hard-empty", "hard-groove"], False)])
-def test_a_run_over_problems_without_contacts_has_a_warning(problems: list[str], empty: bool, tmp_path: Path) -> None:
+def test_a_run_without_a_contact_says_that_nothing_was_solved(problems: list[str], empty: bool, tmp_path: Path) -> None:
     made = timed(bench.run(problems, "SORprox", results=tmp_path, tolerances=1e-2))
     assert [sentence.partition(":")[0] for sentence in warnings(made)] == (["EMPTY"] if empty else [])
 

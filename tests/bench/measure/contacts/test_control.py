@@ -166,7 +166,9 @@ def test_a_first_solve_in_other_units_starts_as_far_from_the_solution_as_the_tim
 
 
 @pytest.mark.parametrize(("seconds", "fresh", "n"), [(1.0, [1.0], 1), (0.01, [0.01], 2), (0.01, [0.1, 0.01], 4)])
-def test_first_solves_are_repeated_until_explained_times_outnumber_others(seconds: float, fresh: list[float], n: int) -> None:
+def test_first_solves_are_repeated_until_explained_times_outnumber_others(
+    seconds: float, fresh: list[float], n: int
+) -> None:
     controls = Scripted(fresh)
     assert [one.seconds for one in controls.first_solves(STOP, seconds, lambda: seconds)][:1] == fresh[:1]
     assert controls.n_asked == n

@@ -25,7 +25,7 @@ N_PROBLEMS = int(os.environ.get("PROXBENCH_CLUSTER", "4"))
 """Number of problems of the run; PROXBENCH_CLUSTER=200 gives a run that is large enough to need a cluster."""
 
 
-def test_missing_dask_is_reported_with_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(BenchError, match="dask is not installed; run pip"), dask_executor("local"):
         pass

@@ -43,7 +43,7 @@ def scenes() -> Iterator[None]:
         ("allocate", Outcome.OUT_OF_MEMORY, "256 MiB"),
     ],
 )
-def test_a_fault_of_a_solver_affects_only_its_own_curve(action: str, outcome: Outcome, words: str, tmp_path: Path) -> None:
+def test_a_fault_of_a_solver_costs_its_curve_only(action: str, outcome: Outcome, words: str, tmp_path: Path) -> None:
     limits = Limits(solve_seconds=60.0, case_seconds=3.0 if action == "sleep" else 120.0, memory_bytes=2**28)
     run = study(
         "sliding_sphere",

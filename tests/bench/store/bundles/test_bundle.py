@@ -84,7 +84,9 @@ def test_a_bundle_gets_the_name_of_its_run(made: Run, tmp_path: Path, monkeypatc
         (with_run(carried={"sliding pair": "0" * 64}), "its problems differ from its list of problems"),
     ],
 )
-def test_a_bundle_with_inconsistent_parts_is_refused(change: Change, reason: str, honest: Bundle, tmp_path: Path) -> None:
+def test_a_bundle_with_inconsistent_parts_is_refused(
+    change: Change, reason: str, honest: Bundle, tmp_path: Path
+) -> None:
     write_bundle(change(honest), tmp_path / "odd.bundle")
     with pytest.raises(BenchError, match=reason):
         read_bundle(tmp_path / "odd.bundle")

@@ -34,7 +34,7 @@ def measurement(scene: str, engine: str, setting: str, error: float = 1.0, secon
     )
 
 
-def test_engines_alternate_and_each_round_measures_all_settings() -> None:
+def test_engines_take_turns_and_each_round_has_all_settings() -> None:
     keys: list[tuple[str, str, str]] = []
 
     def measure(*key: str) -> Measurement:

@@ -46,7 +46,7 @@ def test_the_jacobian_is_the_rate_of_the_residual(kind: str, second: int) -> Non
 
 @pytest.mark.parametrize("friction", [0.0, 1.0])
 @pytest.mark.parametrize("kind", KINDS)
-def test_joints_have_no_power_over_a_rigid_motion(kind: str, friction: float) -> None:
+def test_joint_forces_do_no_work_in_a_rigid_motion(kind: str, friction: float) -> None:
     joint = some_joint(kind)
     if friction and kind in ("revolute", "prismatic"):
         joint = Joint(kind, 0, 1, joint.first_point, joint.second_point, joint.axis, friction=friction)
