@@ -189,10 +189,10 @@ class EngineModel:
     def _forces_without_impulse(self) -> FloatArray:
         """Solution of each row for A = 0 [N], shape (n,); it is exact for rows that do not move any body."""
         softness, nothing = self.regularisation, np.zeros(len(self.offset))
-        alone = np.divide(-self.offset, softness, out=nothing, where=softness > 0.0)
+        forces = np.divide(-self.offset, softness, out=nothing, where=softness > 0.0)
         kinds = np.repeat(self.kind, self.row_counts)
-        alone = np.where(kinds == EngineSet.INTERVAL, np.clip(alone, -self.bound, self.bound), alone)
-        return np.where(kinds >= EngineSet.HALF_LINE, np.maximum(alone, 0.0), alone)
+        forces = np.where(kinds == EngineSet.INTERVAL, np.clip(forces, -self.bound, self.bound), forces)
+        return np.where(kinds >= EngineSet.HALF_LINE, np.maximum(forces, 0.0), forces)
 
     @cached_property
     def _decoding(self) -> "_Decoding":

@@ -104,7 +104,7 @@ def folder_arrows(package: str) -> set[tuple[str, str]]:
     return {(a, b) for a, b in arrows if a != b and a.startswith(f"{package}/") and b.startswith(f"{package}/")}
 
 
-def test_imports_inside_the_packages_are_relative_and_go_down() -> None:
+def test_imports_inside_the_packages_are_relative_and_from_lower_layers() -> None:
     absolute = {
         (name_of(file), module)
         for file in FILES

@@ -33,7 +33,7 @@ def write_message(descriptor: int, content: bytes) -> None:
 
 
 def read_message(
-    descriptor: int, max_bytes: int = 2**63, deadline: float = math.inf, lifeline: int | None = None
+    descriptor: int, max_bytes: int = 2**63, deadline: float = math.inf, exit_descriptor: int | None = None
 ) -> bytes:
     """Read one message.
 
@@ -41,23 +41,23 @@ def read_message(
         descriptor: descriptor to read from.
         max_bytes: maximum size of the message [bytes].
         deadline: value of ``time.monotonic`` at which waiting ends.
-        lifeline: a descriptor that becomes readable when the writer has ended; processes that the writer has started
-            may keep ``descriptor`` itself open.
+        exit_descriptor: a descriptor that becomes readable when the writer has ended; processes that the writer has
+            started may keep ``descriptor`` itself open.
 
     Raises:
         TimeoutError: if the message is incomplete at the deadline.
         EOFError: if the writer ends before the message is complete.
         NoMessageError: if the message is larger than ``max_bytes``.
     """
-    (length,) = _HEADER.unpack(_read(descriptor, _HEADER.size, deadline, lifeline))
+    (length,) = _HEADER.unpack(_read(descriptor, _HEADER.size, deadline, exit_descriptor))
     if length > max_bytes:
         raise NoMessageError(f"a message of {length} bytes exceeds the limit of {max_bytes}")
-    return _read(descriptor, length, deadline, lifeline)
+    return _read(descriptor, length, deadline, exit_descriptor)
 
 
-def read_object(descriptor: int, max_bytes: int, deadline: float, lifeline: int | None = None) -> dict[str, Any]:
+def read_object(descriptor: int, max_bytes: int, deadline: float, exit_descriptor: int | None = None) -> dict[str, Any]:
     """Read one message that is a JSON object; arguments and errors as in ``read_message``."""
-    content = read_message(descriptor, max_bytes, deadline, lifeline)
+    content = read_message(descriptor, max_bytes, deadline, exit_descriptor)
     try:
         found = json.loads(content)
     except (ValueError, RecursionError):
@@ -80,8 +80,8 @@ def _readable(descriptors: list[int], seconds: float) -> list[int]:
     return [descriptor for descriptor, _ in poll.poll(milliseconds)]
 
 
-def _read(descriptor: int, length: int, deadline: float, lifeline: int | None) -> bytes:
-    watched = [descriptor] if lifeline is None else [descriptor, lifeline]
+def _read(descriptor: int, length: int, deadline: float, exit_descriptor: int | None) -> bytes:
+    watched = [descriptor] if exit_descriptor is None else [descriptor, exit_descriptor]
     content = bytearray()
     while len(content) < length:
         ready = _readable(watched, deadline - time.monotonic())

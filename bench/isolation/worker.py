@@ -147,9 +147,9 @@ class Worker:
             if _has_input(self._supervisor.pipe):
                 raise NoMessageError("an answer without a request")
             write_message(pipe, pickle.dumps((request, arguments)))
-            lifeline = self._supervisor.orders.fileno()
-            answer = read_object(pipe, MAX_ANSWER_BYTES, deadline, lifeline)
-            content = read_message(pipe, largest, deadline, lifeline)
+            exit_descriptor = self._supervisor.orders.fileno()
+            answer = read_object(pipe, MAX_ANSWER_BYTES, deadline, exit_descriptor)
+            content = read_message(pipe, largest, deadline, exit_descriptor)
             self.peak_memory_bytes = max(self.peak_memory_bytes, int(answer.get("peak_memory_bytes", 0)))
             fault = _reported_fault(answer)
         except TimeoutError:

@@ -65,9 +65,10 @@ class SceneRecord(Record, frozen=True, kw_only=True):
 _FUNCTIONS: tuple[Literal["potential_energy", "exact"], ...] = ("potential_energy", "exact")
 """Optional functions of a scene."""
 
-_MADE_APART = {"balls", "bodies", "observables"}
+_SEPARATE_FIELDS = {"balls", "bodies", "observables"}
+"""Fields of the record whose values are not those of the scene."""
 
-SAME_FIELDS = tuple(set(SceneRecord.__struct_fields__) & set(Scene.__dataclass_fields__) - _MADE_APART)
+SAME_FIELDS = tuple(set(SceneRecord.__struct_fields__) & set(Scene.__dataclass_fields__) - _SEPARATE_FIELDS)
 """Fields of the record that are equal to those of the scene."""
 
 

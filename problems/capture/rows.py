@@ -144,9 +144,9 @@ def captured_rows(model: Any, data: Any, jacobian: sp.csr_array[Any]) -> Capture
     for row, group in groups:
         start, end = end, end + len(group)
         if len(group) > 1 or int(data.efc_type[row]) == types.mjCNSTR_CONTACT_FRICTIONLESS:
-            _take_contact(found, model, data, data.contact[int(data.efc_id[row])], group, norms[start:end])
+            _add_contact_rows(found, model, data, data.contact[int(data.efc_id[row])], group, norms[start:end])
         else:
-            _take_single(found, model, data, row, float(norms[start]))
+            _add_single_row(found, model, data, row, float(norms[start]))
     return _rows_of(found, int(data.nefc))
 
 
@@ -173,7 +173,7 @@ def engine_sets(data: Any) -> tuple[list[int], list[int], FloatArray]:
     return kinds, firsts, coefficient
 
 
-def _take_single(found: _Collected, model: Any, data: Any, row: int, norm: float) -> None:
+def _add_single_row(found: _Collected, model: Any, data: Any, row: int, norm: float) -> None:
     """Add a row that is not part of a contact."""
     module = mujoco()
     types, objects = module.mjtConstraint, module.mjtObj
@@ -214,7 +214,9 @@ def _frame_rows(contact: Any, first: int, is_pyramid: bool) -> list[_Row]:
     return rows
 
 
-def _take_contact(found: _Collected, model: Any, data: Any, contact: Any, frame: list[_Row], norms: FloatArray) -> None:
+def _add_contact_rows(
+    found: _Collected, model: Any, data: Any, contact: Any, frame: list[_Row], norms: FloatArray
+) -> None:
     """Add the normal row of a contact, and its nonzero friction rows."""
     names = [_geometry(model, contact, side) for side in (0, 1)]
     normal = found.law(LawKind.UNILATERAL, frame[:1])

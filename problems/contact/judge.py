@@ -282,10 +282,10 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
         lift += layout.rolling_coefficient * np.sqrt(_squares(rolling))
     moved[:, 0] += lift
     difference = lanes - onto_contact_cones(layout, lanes - moved, friction, fixed, np.ones(layout.n_blocks))
-    alone = (layout.friction_law < 0) & (layout.rolling_law < 0) & ~layout.is_bilateral
-    difference[alone, 0] = np.minimum(lanes[alone, 0], moved[alone, 0])
+    frictionless = (layout.friction_law < 0) & (layout.rolling_law < 0) & ~layout.is_bilateral
+    difference[frictionless, 0] = np.minimum(lanes[frictionless, 0], moved[frictionless, 0])
     difference[layout.is_bilateral] = moved[layout.is_bilateral]
-    hidden = np.where(alone | layout.is_bilateral, 0.0, PROJECTION_ROUNDINGS * UNIT) * np.sqrt(_squares(lanes))
+    hidden = np.where(frictionless | layout.is_bilateral, 0.0, PROJECTION_ROUNDINGS * UNIT) * np.sqrt(_squares(lanes))
     hidden += np.einsum("ij->i", layout.pad(rounding))
     return float(np.sqrt(np.maximum(_squares(difference), hidden**2).sum()))
 

@@ -359,8 +359,8 @@ def _convex_violations(
     held = block_alpha * np.sqrt((lanes**2).sum(axis=1))
     violation = block_alpha * np.sqrt(difference[:, 0] ** 2 + (difference[:, 1:] ** 2).sum(axis=1))
     violation = np.maximum(violation, PROJECTION_ROUNDINGS * UNIT * held)
-    alone = (layout.friction_law < 0) & (layout.rolling_law < 0)
-    violation[alone] = np.abs(np.minimum(block_alpha * lanes[:, 0], moved[:, 0]))[alone]
+    frictionless = (layout.friction_law < 0) & (layout.rolling_law < 0)
+    violation[frictionless] = np.abs(np.minimum(block_alpha * lanes[:, 0], moved[:, 0]))[frictionless]
     violation[layout.is_bilateral] = np.abs(moved[layout.is_bilateral, 0])
     of_law = np.zeros(problem.laws.n_laws)
     owner = np.where(layout.normal_law >= 0, layout.normal_law, layout.friction_law)

@@ -150,12 +150,13 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
     Raises:
         AsymmetricError: if the asymmetry is larger than the remedy allows.
     """
-    off = asymmetry(matrix)
-    if off <= SYMMETRY_TOLERANCE or not np.isfinite(matrix.data).all():  # ContactProblem rejects NaN and inf
+    relative_asymmetry = asymmetry(matrix)
+    if relative_asymmetry <= SYMMETRY_TOLERANCE or not np.isfinite(matrix.data).all():
+        # ContactProblem rejects NaN and inf
         return matrix, {}
-    misses = f"{name} is asymmetric by {off:.1e} of its largest entry"
-    if how == "refuse" or (how == "mean" and not off <= MAX_ASYMMETRY):
-        raise _asymmetric(misses, matrix, off)
+    fault = f"{name} is asymmetric by {relative_asymmetry:.1e} of its largest entry"
+    if how == "refuse" or (how == "mean" and not relative_asymmetry <= MAX_ASYMMETRY):
+        raise _asymmetric(fault, matrix, relative_asymmetry)
     repaired, remedy = matrix, "is kept unchanged"
     if how == "mean":
         repaired, remedy = sp.csr_array(0.5 * (matrix + matrix.T)), f"is replaced by ({name} + {name}ᵀ)/2"
@@ -163,7 +164,7 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
         strict = sp.tril(matrix, -1) if how == "lower" else sp.triu(matrix, 1)
         repaired = sp.csr_array(strict + strict.T + sp.diags_array(matrix.diagonal()))
         remedy = f"only its {how} triangle is read"
-    return repaired, {ASYMMETRY: off, "matrix": f"{misses}, and {remedy}"}
+    return repaired, {ASYMMETRY: relative_asymmetry, "matrix": f"{fault}, and {remedy}"}
 
 
 def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str, Any]]:
@@ -193,12 +194,12 @@ def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str
     return sp.csr_array(kept @ kept.T), {"least_eigenvalue": least, "eigenvalues": remedy}
 
 
-def _asymmetric(misses: str, matrix: sp.csr_array[Any], off: float) -> AsymmetricError:
+def _asymmetric(fault: str, matrix: sp.csr_array[Any], relative_asymmetry: float) -> AsymmetricError:
     """Return the error with the remedy that suits the entries of a matrix."""
     if not sp.triu(matrix, 1).count_nonzero():
-        return AsymmetricError(f"{misses}, and only its lower triangle has entries", "lower")
+        return AsymmetricError(f"{fault}, and only its lower triangle has entries", "lower")
     if not sp.tril(matrix, -1).count_nonzero():
-        return AsymmetricError(f"{misses}, and only its upper triangle has entries", "upper")
-    if off <= MAX_ASYMMETRY:
-        return AsymmetricError(misses, "mean")
-    return AsymmetricError(f"{misses}, and either its lower or its upper triangle is wrong", "lower")
+        return AsymmetricError(f"{fault}, and only its upper triangle has entries", "upper")
+    if relative_asymmetry <= MAX_ASYMMETRY:
+        return AsymmetricError(fault, "mean")
+    return AsymmetricError(f"{fault}, and either its lower or its upper triangle is wrong", "lower")

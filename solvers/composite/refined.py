@@ -26,7 +26,7 @@ REFINEMENT = NewtonSettings(damping=1e-12, max_steps=4, patience=1)
 SUCCESS = 0.1
 """If a refinement reduces the residual to less than this fraction, the next iterate is refined too."""
 
-MAX_WAIT = 8
+MAX_WAIT_ITERATIONS = 8
 """Largest number of iterations between a failed refinement and the next one."""
 
 FIRST_SEARCH = 4
@@ -93,7 +93,7 @@ class Refinement(Correction):
         if self._seen < self._next:
             return impulses, residual
         found, reached = self._refine((REFINEMENT,), impulses, residual)
-        self._wait = 1 if reached < SUCCESS * residual else min(2 * self._wait, MAX_WAIT)
+        self._wait = 1 if reached < SUCCESS * residual else min(2 * self._wait, MAX_WAIT_ITERATIONS)
         self._next = self._seen + self._wait
         return found, reached
 

@@ -31,7 +31,7 @@ OPPOSED = 0.5
 SHRINKS = 0.9
 """Increments that shrink to this fraction or less per sweep are accepted."""
 
-CUT = 0.6
+STEP_REDUCTION = 0.6
 """Factor by which a step is reduced."""
 
 MIN_FRACTION = 1e-3
@@ -128,6 +128,6 @@ def reduce_opposed_steps(width, sliding, groups, before, previous, newest, step_
             impulse += weight * (newest[k + lane] * newest[k + lane])
         opposed = product < -OPPOSED * np.sqrt(older * newer)
         if opposed and newer > SHRINKS**2 * older and newer > ROUNDING**2 * impulse:
-            fraction[i] = max(CUT * fraction[i], MIN_FRACTION)
+            fraction[i] = max(STEP_REDUCTION * fraction[i], MIN_FRACTION)
             was_cut = True
     return was_cut

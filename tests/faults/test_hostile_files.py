@@ -114,7 +114,7 @@ def test_a_plan_that_makes_no_sense_is_refused(copied: Path, changes: dict[str, 
             act(copied)
 
 
-def test_a_run_from_elsewhere_runs_no_plugin(copied: Path) -> None:
+def test_loading_a_foreign_run_executes_no_plugin(copied: Path) -> None:
     trap, sprung = copied / "trap.py", copied / "sprung"
     trap.write_text(f"open({str(sprung)!r}, 'w')\nSOLVERS = []\n")
     entry = {"kind": "solver", "name": "Trap", "source": "", "file": str(trap), "sha256": "0"}

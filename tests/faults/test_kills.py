@@ -63,7 +63,7 @@ def resumed(sandbox: Sandbox, retry: bool) -> Verdicts:
 
 
 @pytest.mark.weekly
-def test_killing_workers_costs_their_own_cases(tmp_path: Path, undisturbed: Undisturbed) -> None:
+def test_killed_workers_lose_only_their_own_cases(tmp_path: Path, undisturbed: Undisturbed) -> None:
     chance, numbers, kills = random.Random(5), itertools.count(), 0
     while kills < KILLS:
         sandbox = Sandbox(tmp_path / str(next(numbers)))

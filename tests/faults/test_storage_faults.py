@@ -150,7 +150,7 @@ def test_a_folder_that_cannot_be_made_again_ends_the_run_with_an_error(spoiled: 
 
 
 @pytest.mark.weekly
-def test_spoiled_runs_leave_no_process_and_no_temporary_file(spoiled: SpoiledRuns) -> None:
+def test_runs_on_faulty_storage_leave_no_process_and_no_temporary_file(spoiled: SpoiledRuns) -> None:
     assert spoiled.left_behind == []
 
 
@@ -194,7 +194,7 @@ def test_a_clock_that_jumps_changes_no_result(
     assert load(folder).cases["wall_seconds"].between(0.0, 3600.0).all()
 
 
-def test_a_run_of_another_version_is_refused_by_name(undisturbed: Path, tmp_path: Path, capsys: Any) -> None:
+def test_a_run_of_another_format_is_refused_with_its_file_name(undisturbed: Path, tmp_path: Path, capsys: Any) -> None:
     folder = Path(shutil.copytree(undisturbed, tmp_path / "it"))
     file = folder / "run.json"
     for text in (file.read_text().replace('"format": 3', '"format": 4'), json.dumps({"runs": []})):

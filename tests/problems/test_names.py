@@ -24,7 +24,7 @@ def read(text: str) -> Name:
 
 
 @given(NAMES)
-def test_what_is_written_is_read_again(name: Name) -> None:
+def test_a_written_name_is_parsed_to_the_same_name(name: Name) -> None:
     assert read(str(name)) == name
 
 

@@ -62,11 +62,11 @@ def test_names_of_a_problem_and_messages_are_escaped() -> None:
         assert "&lt;script" in page
 
 
-def test_a_number_stands_with_its_noun() -> None:
+def test_nouns_are_singular_or_plural_according_to_their_count() -> None:
     assert [counted(1, "row"), counted(2, "row"), counted(2, "pass", "passes")] == ["1 row", "2 rows", "2 passes"]
 
 
-def test_many_names_become_their_number() -> None:
+def test_long_lists_of_names_are_replaced_by_their_number() -> None:
     names = [f"solver-{number}" for number in range(MAX_LISTED + 1)]
     assert names_or_number(names[:2], "solver") == "solver-0, solver-1"
     assert names_or_number(names, "solver") == f"{MAX_LISTED + 1} solvers"

@@ -52,5 +52,5 @@ def test_the_three_markers_of_a_conflict_are_found_wherever_they_stand(newline: 
     assert merge_markers(newline.join([markers[0], "ours", markers[1], "theirs", markers[2]])) == markers
 
 
-def test_other_rules_and_prompts_are_no_markers() -> None:
+def test_lines_that_resemble_merge_markers_are_accepted() -> None:
     assert merge_markers("======\n========\n>>> 1\n  =======\na =======\n<<<<<<") == []

@@ -11,7 +11,7 @@ from typing import Any
 
 from numba.core.caching import FunctionCache
 
-MAX_WAIT = 60.0
+MAX_WAIT_SECONDS = 60.0
 """Longest time to wait until another process has compiled a kernel [s]; a kernel takes at most 20 s."""
 
 POLL_SECONDS = 0.01
@@ -72,7 +72,7 @@ def _name(cache: Any, types: Any) -> str:
 
 
 def _lock_in_time(descriptor: int) -> bool:
-    deadline = time.monotonic() + MAX_WAIT
+    deadline = time.monotonic() + MAX_WAIT_SECONDS
     while True:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -178,25 +178,25 @@ def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
 
     With a step of a sequence, the steps before it are yielded too, from which warm solvers start.
     """
-    flows: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
-    pecks: dict[str, WoodpeckerRecipe] = {}
+    funnel_recipes: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
+    woodpecker_recipes: dict[str, WoodpeckerRecipe] = {}
     sequences: dict[str, set[str]] = {}
     for name in names:
         recipe = recipes()[name]
         if isinstance(recipe, FunnelRecipe):
-            flows.setdefault((recipe.scene, recipe.stop, recipe.mixed_friction), {})[name] = recipe
+            funnel_recipes.setdefault((recipe.scene, recipe.stop, recipe.mixed_friction), {})[name] = recipe
         elif isinstance(recipe, WoodpeckerRecipe):
-            pecks[name] = recipe
+            woodpecker_recipes[name] = recipe
         elif isinstance(recipe, SequenceRecipe):
             sequences.setdefault(SEQUENCE_OF_PROBLEM[name], set()).add(name)
         elif isinstance(recipe, BodyRecipe):
             yield body_problem(name)
         else:
             yield from _rolling_problems(name, recipe)
-    for (scene, stop, mixed), members in flows.items():
+    for (scene, stop, mixed), members in funnel_recipes.items():
         yield from _funnel_problems(scene, stop, mixed, members)
-    if pecks:
-        yield from _woodpecker_problems(pecks)
+    if woodpecker_recipes:
+        yield from _woodpecker_problems(woodpecker_recipes)
     for name, steps in sequences.items():
         yield from islice(sequence_problems(name), max(map(SEQUENCE_MEMBERS[name].index, steps)) + 1)
 

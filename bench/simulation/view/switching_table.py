@@ -74,8 +74,8 @@ def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     yield f"descent  {motion.mean_descent(last):.12f} m", ""
     if known.matches_scene_options:
         period, descent = motion.relative_deviations(last)
-        off = f"relative errors {period:+.1e} and {descent:+.1e}"
-        yield f"limit cycle {known.period:.12f} s and {known.descent:.12f} m: {off}", "bold"
+        deviations = f"relative errors {period:+.1e} and {descent:+.1e}"
+        yield f"limit cycle {known.period:.12f} s and {known.descent:.12f} m: {deviations}", "bold"
 
 
 def _periods(last: int, count: int) -> str:

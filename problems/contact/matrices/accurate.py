@@ -118,31 +118,32 @@ def write_accurate_over_factors(  # type: ignore[no-untyped-def]
 ):
     """Write ξ and its rounding error bound for G = Wᵀ M⁻¹ W, with W in CSC and M⁻¹ in CSR."""
     one, n_dofs, n_rows = uint64(1), len(mass_indptr) - 1, len(free_velocity)
-    moved, in_column, in_mass = np.zeros((n_dofs, 4)), 0, 0  # both numbers, the sizes in the second, the underflow
+    dof_impulses = np.zeros((n_dofs, 4))  # both numbers, the sizes in the second, the underflow
+    in_column, in_mass = 0, 0
     for row in range(uint64(n_rows)):
         in_column, x = max(in_column, indptr[row + one] - indptr[row]), impulses[row]
         if x == 0.0:
             continue
         for p in range(uint64(indptr[row]), uint64(indptr[row + one])):
-            sums = moved[uint64(indices[p])]
+            sums = dof_impulses[uint64(indices[p])]
             sums[0], sums[1], sums[2] = _plus(sums[0], sums[1], sums[2], data[p], x, 0.0)
             sums[3] += _underflow(data[p], x)
     for dof in range(n_dofs):
         in_mass = max(in_mass, mass_indptr[dof + 1] - mass_indptr[dof])
     share = (in_column + in_mass + n_rows + SPARE_TERMS) * 2.0**-52
-    pushed = np.zeros((n_dofs, 3))  # both numbers, and the error bound
+    dof_velocities = np.zeros((n_dofs, 3))  # both numbers, and the error bound
     for dof in range(n_dofs):
         a, b, c, d = 0.0, 0.0, 0.0, 0.0
         for p in range(mass_indptr[dof], mass_indptr[dof + 1]):
-            sums = moved[mass_indices[p]]
+            sums = dof_impulses[mass_indices[p]]
             a, b, c = _plus(a, b, c, mass_data[p], sums[0], sums[1])
             d += abs(mass_data[p]) * (sums[3] + share * sums[2])
             d += _underflow(mass_data[p], sums[0])
-        pushed[dof, 0], pushed[dof, 1], pushed[dof, 2] = a, b, d + share * c
+        dof_velocities[dof, 0], dof_velocities[dof, 1], dof_velocities[dof, 2] = a, b, d + share * c
     for row in range(uint64(n_rows)):
         a, b, c, d = free_velocity[row], 0.0, 0.0, 0.0
         for p in range(uint64(indptr[row]), uint64(indptr[row + one])):
-            sums = pushed[uint64(indices[p])]
+            sums = dof_velocities[uint64(indices[p])]
             a, b, c = _plus(a, b, c, data[p], sums[0], sums[1])
             d += abs(data[p]) * sums[2]
             d += _underflow(data[p], sums[0])

@@ -164,10 +164,10 @@ def _check_velocity(problem: ContactProblem, impulses: FloatArray, velocity: Flo
     found = problem.relative_velocity(impulses)
     if problem.engine is not None:
         found = problem.engine.gradient(impulses)
-    off = float(np.abs(found - velocity).max(initial=0.0))
-    if off > SINGLE_PRECISION * float(terms.max(initial=0.0)):
+    difference = float(np.abs(found - velocity).max(initial=0.0))
+    if difference > SINGLE_PRECISION * float(terms.max(initial=0.0)):
         raise ProblemError(
-            f"D λ + v_f differs from v_plus by {off:.1e}; dump D before the solve, which changes its diagonal."
+            f"D λ + v_f differs from v_plus by {difference:.1e}; dump D before the solve, which changes its diagonal."
         )
 
 

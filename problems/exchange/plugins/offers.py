@@ -77,8 +77,10 @@ class Offer:
         except PluginError:
             raise
         except (Exception, SystemExit) as error:
-            said = f"{self.source} offers the {self.kind} {self.name!r}, which fails to import: {first_line(error)}"
-            raise PluginError(f"{said}{raised_at(error)}; fix the package or uninstall it.") from None
+            description = (
+                f"{self.source} offers the {self.kind} {self.name!r}, which fails to import: {first_line(error)}"
+            )
+            raise PluginError(f"{description}{raised_at(error)}; fix the package or uninstall it.") from None
 
 
 def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
@@ -139,10 +141,10 @@ def _from_packages(kind: Kind) -> Iterator[Offer]:
 
 
 def _rejection(offer: Offer, taken: Collection[str], found: list[Offer]) -> str:
-    said = f"{offer.source} offers the {offer.kind} {offer.name!r}"
+    description = f"{offer.source} offers the {offer.kind} {offer.name!r}"
     if offer.name in taken:
-        return f"{said}, a name that Proxbench itself uses; give it another name."
+        return f"{description}, a name that Proxbench itself uses; give it another name."
     if others := [other.source for other in found if other.name == offer.name and other is not offer]:
-        return f"{said}, and {others[0]} offers the same name; rename or remove one of them."
+        return f"{description}, and {others[0]} offers the same name; rename or remove one of them."
     pattern, meaning = _NAMES[offer.kind]
-    return "" if re.fullmatch(pattern, offer.name) else f"{said}, but a {offer.kind}'s name must be {meaning}."
+    return "" if re.fullmatch(pattern, offer.name) else f"{description}, but a {offer.kind}'s name must be {meaning}."

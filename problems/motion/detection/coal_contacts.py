@@ -25,11 +25,11 @@ TOLERANCE = 1e-10
 MAX_ITERATIONS = 256
 """Iteration limit of coal for one pair of shapes."""
 
-APART = 0.005
+PROBE_GAP = 0.005
 """Gap at which the nearest points are found, divided by the size of the smaller body."""
 
 MAX_PASSES = 20
-"""Largest number of moves to the gap ``APART``, each along a better normal; two or three suffice unless rims touch."""
+"""Largest number of moves to ``PROBE_GAP``, each along a better normal; two or three suffice unless rims touch."""
 
 TINY = np.array([0.0, 0.0, 1e-12])
 """Offset that defines a direction between centres that coincide [m]."""
@@ -46,7 +46,7 @@ NEARLY_ALONG = 1.0 - 1e-5
 END = 0.7
 """Cosine of the largest angle between contact normal and axis at which a cylinder touches with its end."""
 
-CUT = np.pi / CURVED_SAMPLES
+RANKING_OFFSET = np.pi / CURVED_SAMPLES
 """Angle before the first axis from which points of a patch are ranked [rad]; coal returns no points of an end there."""
 
 
@@ -105,7 +105,7 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     if least_gap > margin:
         return
     # for bodies that penetrate deeply, coal finds the smallest penetration only at the given poses
-    way = (APART * size - least_gap) * directions[best] if abs(least_gap) < APART * size else np.zeros(3)
+    way = (PROBE_GAP * size - least_gap) * directions[best] if abs(least_gap) < PROBE_GAP * size else np.zeros(3)
     for _ in range(MAX_PASSES):
         result, last_way = _collide(coal, first, second, way, (directions, separations), margin + FLATNESS * size)
         if result is None:
@@ -115,7 +115,7 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
         gap = contact.penetration_depth - last_way @ normal
         if least_gap >= _separation(first, second, normal):
             normal, gap = directions[best], least_gap
-        way = max(APART * size - gap, 0.0) * normal
+        way = max(PROBE_GAP * size - gap, 0.0) * normal
         if np.abs(way - last_way).max() <= TOLERANCE * size:
             break
     if gap > margin + TOLERANCE * size:
@@ -147,7 +147,7 @@ def _features(patch: Sequence[tuple[FloatArray, FloatArray, float]], axes: Float
     along = axes[:, 0] if abs(axes[:, 2] @ normal) > END else axes[:, 2]
     offsets = points - points.mean(axis=0)
     angles = np.arctan2(offsets @ np.cross(normal, along), offsets @ along)
-    ranks: list[int] = np.argsort(np.argsort((angles + CUT) % (2.0 * np.pi))).tolist()
+    ranks: list[int] = np.argsort(np.argsort((angles + RANKING_OFFSET) % (2.0 * np.pi))).tolist()
     return ranks
 
 

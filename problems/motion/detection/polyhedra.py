@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
-from ..bodies.rigid.polyhedron import ALIKE, MAX_CORNERS, MAX_FACES, Polyhedron
+from ..bodies.rigid.polyhedron import DIRECTION_TOLERANCE, MAX_CORNERS, MAX_FACES, Polyhedron
 from ..bodies.rigid.shapes import Box
 from .clipping import clip, dot
 
@@ -117,7 +117,7 @@ def _distinct_directions(corners: FloatArray, edges: Sequence[tuple[int, int]]) 
     distinct: list[int] = []
     units = [(corners[b] - corners[a]) / np.linalg.norm(corners[b] - corners[a]) for a, b in edges]
     for number, unit in enumerate(units):
-        if all(np.linalg.norm(np.cross(unit, units[other])) > ALIKE**0.5 for other in distinct):
+        if all(np.linalg.norm(np.cross(unit, units[other])) > DIRECTION_TOLERANCE for other in distinct):
             distinct.append(number)
     return distinct
 

@@ -223,7 +223,7 @@ def _displacement(overlaps: Overlaps, depth: float) -> FloatArray:
 def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # type: ignore[no-untyped-def]
     """Find δ by Gauss–Seidel on the normal lanes; contacts without impulse that stay open need one product each."""
     n_contacts, length = len(gap), values.shape[2]
-    pushed, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
+    impulses, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
     for i in range(n_contacts):
         for p in range(starts[i], starts[i + 1]):
             for k in range(length):
@@ -236,11 +236,11 @@ def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # typ
                 for k in range(length):
                     space += values[p, 0, k] * displacement[length * chunks[p] + k]
             deepest = max(deepest, -space)
-            if (space >= 0.0 and pushed[i] == 0.0) or diagonal[i] == 0.0:
+            if (space >= 0.0 and impulses[i] == 0.0) or diagonal[i] == 0.0:
                 continue
-            push = max(pushed[i] - space / diagonal[i], 0.0)
-            change = push - pushed[i]
-            pushed[i] = push
+            impulse = max(impulses[i] - space / diagonal[i], 0.0)
+            change = impulse - impulses[i]
+            impulses[i] = impulse
             for p in range(starts[i], starts[i + 1]):
                 for k in range(length):
                     displacement[length * chunks[p] + k] += values[p, 0, k] * change
@@ -252,11 +252,11 @@ def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # typ
 def _move_balls_apart(chunks, normals, inverse, length, gap, depth, displacement):  # type: ignore[no-untyped-def]
     """Sweep as ``_move_bodies_apart`` does, to find δq of balls.
 
-    A push p moves the first ball by M⁻¹ n p and the second by −M⁻¹ n p.
+    An impulse p moves the first ball by M⁻¹ n p and the second by −M⁻¹ n p.
     """
     n_contacts, dim = normals.shape
     idle = len(inverse) // length
-    pushed, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
+    impulses, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
     for c in range(n_contacts):
         for side in range(2):
             if chunks[2 * c + side] < idle:
@@ -273,11 +273,11 @@ def _move_balls_apart(chunks, normals, inverse, length, gap, depth, displacement
                     apart -= displacement[second + axis]
                 space += normals[c, axis] * apart
             deepest = max(deepest, -space)
-            if space >= 0.0 and pushed[c] == 0.0:
+            if space >= 0.0 and impulses[c] == 0.0:
                 continue
-            push = max(pushed[c] - space / diagonal[c], 0.0)
-            change = push - pushed[c]
-            pushed[c] = push
+            impulse = max(impulses[c] - space / diagonal[c], 0.0)
+            change = impulse - impulses[c]
+            impulses[c] = impulse
             for axis in range(dim):
                 displacement[first + axis] += inverse[first + axis] * normals[c, axis] * change
                 if has_second:

@@ -28,7 +28,7 @@ class SwitchEvent:
     before: str
     after: str
 
-    def is_like(self, other: "SwitchEvent") -> bool:
+    def is_same_switch(self, other: "SwitchEvent") -> bool:
         """Whether both are the same switch, apart from their times."""
         return replace(self, time=0.0) == replace(other, time=0.0)
 
@@ -79,7 +79,7 @@ class Cycle:
     def is_published(self) -> bool:
         """Whether the switching points are those of the limit cycle, in its order."""
         known = self.known.switch_events
-        return len(self.switch_events) == len(known) and all(map(SwitchEvent.is_like, self.switch_events, known))
+        return len(self.switch_events) == len(known) and all(map(SwitchEvent.is_same_switch, self.switch_events, known))
 
     @property
     def deviations(self) -> FloatArray:
@@ -138,13 +138,13 @@ def find_cycles(
         times: times of some of its states [s], including those at switching points, shape (n,).
         heights: first coordinate at these times [m], shape (n,).
     """
-    begins = [index for index, event in enumerate(found) if event.is_like(known.switch_events[0])]
+    begins = [index for index, event in enumerate(found) if event.is_same_switch(known.switch_events[0])]
     section = known.switch_events[known.section]
-    sections = [event.time for event in found if event.is_like(section)]
+    sections = [event.time for event in found if event.is_same_switch(section)]
     at = {time: float(heights[np.searchsorted(times, time)]) for time in sections}
     complete = []
     for first, last in pairwise(begins):
-        inside = [event.time for event in found[first:last] if event.is_like(section)]
+        inside = [event.time for event in found[first:last] if event.is_same_switch(section)]
         if inside:
             complete.append(Cycle(known, tuple(found[first:last]), inside[0], at[inside[0]]))
     return CycleSequence(known, complete, np.array(sections), np.array([at[time] for time in sections]))

@@ -168,8 +168,8 @@ class Aggregates(Measure):
         for name in self.reference[both[0]]:
             scale = abs(fmean(self.reference[seed][name] for seed in both))
             if scale:
-                off = [members[seed][name] - self.reference[seed][name] for seed in both]
-                error, spread = abs(fmean(off)) / scale, standard_error(off) / scale
+                differences = [members[seed][name] - self.reference[seed][name] for seed in both]
+                error, spread = abs(fmean(differences)) / scale, standard_error(differences) / scale
                 found[name] = Estimate(error, max(0.0, error - spread), error + spread)
         return found
 

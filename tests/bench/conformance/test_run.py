@@ -50,7 +50,7 @@ def brief(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.weekly
-def test_a_solver_that_keeps_its_promises_passes_and_the_file_is_forgotten(
+def test_a_conforming_solver_passes_and_its_plugin_is_unregistered(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(["check", plugin(tmp_path, "pass")]) == 0

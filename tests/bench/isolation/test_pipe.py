@@ -31,7 +31,7 @@ def pipe() -> Iterator[Pipe]:
 
 
 @pytest.fixture
-def lifeline() -> Iterator[Pipe]:
+def exit_pipe() -> Iterator[Pipe]:
     made = Pipe()
     yield made
     made.close()
@@ -72,17 +72,17 @@ def test_message_of_a_closed_writer_is_incomplete(pipe: Pipe, part: bytes) -> No
         read_message(pipe.out, deadline=time.monotonic() + 30.0)
 
 
-def test_reading_ends_when_the_writer_exits_even_if_the_pipe_stays_open(pipe: Pipe, lifeline: Pipe) -> None:
+def test_reading_ends_when_the_writer_exits_even_if_the_pipe_stays_open(pipe: Pipe, exit_pipe: Pipe) -> None:
     os.write(pipe.into, b"\0\0\0\0\0\0\0\x05four")
-    lifeline.close(lifeline.into)
+    exit_pipe.close(exit_pipe.into)
     with pytest.raises(EOFError):
-        read_message(pipe.out, deadline=time.monotonic() + 30.0, lifeline=lifeline.out)
+        read_message(pipe.out, deadline=time.monotonic() + 30.0, exit_descriptor=exit_pipe.out)
 
 
-def test_data_written_before_the_writer_exits_are_read(pipe: Pipe, lifeline: Pipe) -> None:
+def test_data_written_before_the_writer_exits_are_read(pipe: Pipe, exit_pipe: Pipe) -> None:
     write_message(pipe.into, b"last words")
-    lifeline.close(lifeline.into)
-    assert read_message(pipe.out, lifeline=lifeline.out) == b"last words"
+    exit_pipe.close(exit_pipe.into)
+    assert read_message(pipe.out, exit_descriptor=exit_pipe.out) == b"last words"
 
 
 def test_a_message_is_no_larger_than_allowed(pipe: Pipe) -> None:

@@ -155,7 +155,7 @@ OFFERED = "SOLVERS = [Mine]\n"
         (CLASS + "    def __init__(self, *omega): pass\n" + OFFERED, "takes *omega; give every option a name"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(
+def test_a_faulty_plugin_file_gets_one_sentence_and_exit_code_two(
     text: str, words: str, written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = written(text)
@@ -180,7 +180,7 @@ def test_what_is_wrong_with_a_file_is_one_sentence_and_exit_code_two(
     ],
     ids=["exit", "segfault", "leaves a process", "memory"],
 )
-def test_a_file_that_ends_the_process_that_imports_it_is_one_sentence_too(
+def test_a_plugin_file_that_ends_the_importing_process_gets_one_sentence(
     code: str, words: str, written: Callable[..., Path], capfd: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = written(GOOD + code)

@@ -38,7 +38,7 @@ def test_prepared_problems_may_be_solved_in_turn() -> None:
                 assert one.solve(STOP).impulses.tobytes() == own.impulses.tobytes()
 
 
-def test_a_problem_that_was_offered_since_is_not_solved_in_place_of_the_prepared_one() -> None:
+def test_a_later_supports_call_does_not_replace_the_prepared_problem() -> None:
     first, second = load("hard-groove"), load("hard-sticking-box")
     with RemoteSolver(solver_spec("NSGS")) as solver:
         prepared = solver.prepare(first)

@@ -76,7 +76,7 @@ def test_the_rounds_of_a_problem_are_spread_over_the_run(made: Run, events: list
 
 
 @pytest.mark.slow
-def test_ratios_of_a_solver_to_itself_hold_one(made: Run) -> None:
+def test_the_interval_of_a_solver_relative_to_itself_contains_one(made: Run) -> None:
     cases, _ = Store.open(made.folder).read_cases()
     rounds = times_by_point(rounds_frame(cases))[cases[0].solver, cases[0].points[0].tolerance]
     found = ratio(rounds, rounds)
@@ -84,14 +84,14 @@ def test_ratios_of_a_solver_to_itself_hold_one(made: Run) -> None:
     assert found.low <= 1.0 <= found.high
 
 
-def test_levels_behind_one_that_ended_the_ladder_need_no_more_rounds() -> None:
+def test_tolerances_finer_than_the_last_measured_one_need_no_rounds() -> None:
     found = case("slow", STEADY, STEADY[:1])
     assert not found.is_finished(PLAN)
     ended = replace(found.points[0], outcome=Outcome.STALLED, status="stalled")
     assert replace(found, points=[ended, found.points[1]]).is_finished(PLAN)
 
 
-def test_a_limit_that_others_caused_is_tried_in_every_pass() -> None:
+def test_a_time_limit_caused_by_other_programs_is_retried_in_every_pass() -> None:
     plan = replace(PLAN, passes=2)
     waited = [timed_round(number, 9.0, excluded="preempted") for number in range(2)]
     found = [

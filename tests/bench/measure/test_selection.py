@@ -153,7 +153,7 @@ def test_pipes_and_links_to_nothing_are_no_members(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 3, 7])
-def test_shards_have_each_problem_once_in_turns_with_its_family(count: int) -> None:
+def test_shards_deal_out_each_problem_once_with_its_family(count: int) -> None:
     whole = select(None, "woodpecker")
     shards = [select_shard(whole, f"{number}/{count}")[0] for number in range(1, count + 1)]
     assert sorted(name for shard in shards for name in map(problem_name, shard.problems)) == sorted(whole.problems)
@@ -163,7 +163,7 @@ def test_shards_have_each_problem_once_in_turns_with_its_family(count: int) -> N
 
 
 @pytest.mark.parametrize("shard", ["0/2", "3/2", "1/0", "2", "1/2/3", "-1/2", "a/b", "1/ 2", "", "1/999999"])
-def test_a_shard_that_is_none_is_refused(shard: str) -> None:
+def test_a_malformed_shard_is_refused(shard: str) -> None:
     with pytest.raises(BenchError, match="must be i/n"):
         select_shard(Selection(("a", "b"), {}), shard)
 
@@ -173,7 +173,7 @@ def test_a_shard_without_a_problem_is_refused() -> None:
         select_shard(Selection(("a", "b"), {}), "3/3")
 
 
-def test_a_shard_with_leading_zeros_is_the_one_without() -> None:
+def test_leading_zeros_of_a_shard_are_ignored() -> None:
     plan = make_plan(["hard-groove", "hard-counterexample"], ["NSGS"], shard="01/2")
     assert plan.record.shard == "1/2"
     assert plan.problems == ("hard-groove",)

@@ -72,7 +72,7 @@ def test_a_round_beside_a_slow_probe_is_excluded_and_keeps_what_the_clock_counte
         {"status": "well"},
     ],
 )
-def test_what_is_no_round_is_refused(changes: dict[str, Any]) -> None:
+def test_a_malformed_round_is_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(Fault, match="an invalid answer"):
         read(**changes)
 

@@ -66,7 +66,7 @@ FAULTS = (
 
 
 @pytest.mark.parametrize(("fixture", "fault", "outcome", "reason"), FAULTS)
-def test_a_fault_costs_its_own_process(
+def test_a_fault_of_a_native_solver_ends_only_its_own_process(
     fixture: str, fault: str, outcome: Outcome, reason: str, request: pytest.FixtureRequest
 ) -> None:
     spec = solver_spec(name_of(request.getfixturevalue(fixture), fault))
@@ -126,7 +126,9 @@ def test_a_stored_run_uses_a_library_only_where_it_is_named(
         check_plugins_unchanged(uses)
 
 
-def test_what_is_no_solver_is_refused_in_one_sentence(faulty: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_is_no_solver_library_is_refused_in_one_sentence(
+    faulty: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run_command(["run", "--problem", PROBLEM, "--solver", "Shared(./none.so)"]) == 2
     assert capsys.readouterr().err == (
         "proxbench: there is no shared library ./none.so; build it, or correct its path.\n"
@@ -166,7 +168,7 @@ def test_a_library_solves_where_solves_follow_each_other(sweeps: Path) -> None:
 
 
 @pytest.mark.weekly
-def test_a_run_measures_libraries_and_programs_and_counts_lies(
+def test_a_run_measures_libraries_and_programs_and_detects_wrong_claims(
     faulty: Path, sweeps: Path, program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own = native_builds.sweeps_as_program(tmp_path)

@@ -119,7 +119,7 @@ def test_a_machine_that_cannot_draw_keeps_the_recording_and_gets_one_sentence(
 
 
 @pytest.mark.slow
-def test_a_viewer_that_is_too_slow_asks_for_no_driver(
+def test_a_slow_viewer_is_not_reported_as_a_missing_driver(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(headless, "PHASE_SECONDS", 0.0)

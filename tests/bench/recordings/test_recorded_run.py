@@ -26,7 +26,7 @@ def test_every_problem_of_the_run_gets_a_recording(
 
 
 @pytest.mark.slow
-def test_a_solver_that_crashes_is_left_out_and_takes_nothing_with_it(
+def test_a_crashing_solver_is_omitted_from_the_recording_without_other_losses(
     tmp_path: Path, read_back: Callable[[Path], Any]
 ) -> None:
     folder = run(

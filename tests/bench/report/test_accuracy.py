@@ -47,7 +47,7 @@ def case(solver: str, *points: Point, problem: str = "p", outcome: Outcome = Out
     return case_record(problem=problem, solver=solver, points=list(points), outcome=outcome, digest="0" * 64)
 
 
-def test_the_best_residual_of_a_problem_is_none_of_a_wrong_claim(tmp_path: Path) -> None:
+def test_the_best_residual_of_a_problem_excludes_wrong_claims(tmp_path: Path) -> None:
     cases = [case("Honest", solved_point(1e-2, [timed_round(0, 0.5)])), case("Liar", wrong(1e-9)), case("Idle")]
     (row,) = problems_table(load(store_run(tmp_path / "run", cases, limits=LIMITS))).to_dict("records")
     assert (row["best"], row["residual"]) == ("Honest", 5e-3)

@@ -18,7 +18,7 @@ def nested(depth: int) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("depth", [100, 900])
-def test_an_object_that_is_no_record_is_refused_however_deep_it_is(depth: int) -> None:
+def test_an_invalid_object_at_any_nesting_depth_is_refused(depth: int) -> None:
     body = {"format": FORMAT, "x": nested(depth)}
     data = msgspec.json.encode({**body, "checksum": checksum(body)})
     with pytest.raises(

@@ -105,7 +105,7 @@ def judged(residual: float, local: float | None) -> Point:
     return replace(MEASURED, measured=replace(MEASURED.measured, residual=residual, verdict=verdict))
 
 
-def test_points_can_go_by_their_local_residual_and_back_and_curves_stay_judged(stored: Stored) -> None:
+def test_points_switch_between_judged_and_local_residuals_and_curves_do_not(stored: Stored) -> None:
     points = [judged(1e-3, 0.25), judged(np.inf, np.inf), NOT_ATTEMPTED]
     run = load(stored(points))
     local = run.judged_by("local")

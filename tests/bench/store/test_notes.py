@@ -111,7 +111,7 @@ def note(is_randomised: bool = False, excluded: tuple[str, ...] = ("",), slowest
     return notes_of(case_record(is_randomised=is_randomised), point)
 
 
-def test_times_of_a_call_of_a_library_are_noted() -> None:
+def test_times_of_the_library_call_alone_are_noted() -> None:
     rounds = [replace(timed_round(0, 1.0), uncounted_seconds=seconds) for seconds in (0.0, 1e-3)]
     whole, alone = (
         notes_of(case_record(), Point(tolerance=1e-4, outcome=Outcome.SOLVED, reason="", status="solved", measured=one))

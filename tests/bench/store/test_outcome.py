@@ -40,7 +40,7 @@ def test_a_relaxed_model_is_never_solved_where_it_differs_from_coulomb() -> None
 
 
 @pytest.mark.parametrize("status", [status for status in Status if status is not Status.SOLVED])
-def test_other_endings_keep_their_name(status: Status) -> None:
+def test_the_outcome_of_an_unsuccessful_solve_is_its_status(status: Status) -> None:
     assert outcome(status, 0.0, 0.0).value == status.value
 
 

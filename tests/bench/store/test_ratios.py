@@ -101,7 +101,7 @@ def test_swapping_the_solvers_inverts_their_ratio_and_its_interval() -> None:
     assert (there.low > 1.0 or there.high < 1.0) is (back.low > 1.0 or back.high < 1.0)
 
 
-def test_rounds_of_other_moments_make_no_pairs() -> None:
+def test_rounds_of_different_sessions_or_numbers_are_not_paired() -> None:
     times = np.linspace(1.0, 2.0, MIN_PAIRS)
     for others in (rounds(times, session=1), rounds(times, first=MIN_PAIRS)):
         found = ratio(rounds(times), others)

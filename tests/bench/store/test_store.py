@@ -137,7 +137,7 @@ def test_an_existing_run_is_not_overwritten(store: Store, record: RunRecord) -> 
         Store.create(store.folder)
 
 
-def test_a_folder_in_which_a_run_was_killed_before_it_began_is_taken(store: Store) -> None:
+def test_a_folder_of_a_run_killed_before_its_start_is_reused(store: Store) -> None:
     (store.folder / ".run.json-x.part").write_text("{")
     with Store.create(store.folder).locked():
         assert [entry.name for entry in store.folder.iterdir()] == ["cases"]
@@ -188,14 +188,14 @@ def test_files_are_plain_json(store: Store, case: CaseRecord) -> None:
 
 
 @given(first=st.text(max_size=90), second=st.text(max_size=90))
-def test_plain_names_are_short_safe_and_different(first: str, second: str) -> None:
+def test_file_names_of_cases_are_short_safe_and_unique(first: str, second: str) -> None:
     plain = plain_name(first)
     assert re.fullmatch(r"[A-Za-z0-9._-]{0,60}", plain)
     assert not plain.startswith(".")
     assert (plain == plain_name(second)) == (first == second)
 
 
-def test_plain_names_are_the_ones_of_the_files_that_were_stored_before() -> None:
+def test_file_names_of_cases_agree_with_those_of_older_runs() -> None:
     """A name that is not plain ends with the first eight digits of its SHA-256, as sha256sum prints them."""
     assert plain_name("NSGS") == "NSGS"
     assert plain_name("a/../b") == "a_.._b-900ea8b7"

@@ -54,9 +54,7 @@ def test_a_run_over_contact_problems_has_one_ladder_for_all(content: dict[str, A
         (("methods", 0, "max_iterations"), -1),
     ],
 )
-def test_a_plan_that_does_not_hold_together_is_damaged(
-    content: dict[str, Any], path: tuple[Any, ...], value: Any
-) -> None:
+def test_an_inconsistent_study_plan_is_refused(content: dict[str, Any], path: tuple[Any, ...], value: Any) -> None:
     place: Any = content["plan"]
     for key in path[:-1]:
         place = place[key]

@@ -95,7 +95,7 @@ def difference(case: CaseRecord, outcome: str, words: str) -> str:
         pytest.param("funnel-1000", marks=pytest.mark.weekly),
     ],
 )
-def test_an_honest_solver_is_accused_of_nothing(problem: str) -> None:
+def test_an_honest_solver_is_judged_solved_without_remarks(problem: str) -> None:
     case = measured(Honest(), problem)
     assert [point.outcome for point in case.points] == [Outcome.SOLVED] * len(LADDER), case.reason
     assert [point.reason for point in case.points] == [""] * len(LADDER)

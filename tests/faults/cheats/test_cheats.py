@@ -39,7 +39,7 @@ def test_a_false_claim_of_infeasibility_is_refuted_by_another_solver_also_when_t
 
 
 @pytest.mark.weekly
-def test_iterations_are_those_that_were_observed() -> None:
+def test_observed_iterations_replace_claimed_ones() -> None:
     honest, found = (measured(one, "funnel-30").points[-1].measured for one in (Honest(), FewIterations()))
     assert honest is not None
     assert found is not None

@@ -66,7 +66,7 @@ def test_both_copies_of_a_contact_share_its_impulse(name: str) -> None:
             assert other.impulses(shared) == pytest.approx(impulses)
 
 
-def test_known_velocities_and_sums_go_along() -> None:
+def test_known_velocities_and_functionals_are_transformed_with_the_problem() -> None:
     problem = random_problem(Family(6, 1, n_dofs=4), 2)
     other = permuted(problem, [5, 4, 3, 2, 1, 0])
     assert other.problem.answer is not None
@@ -80,7 +80,7 @@ def test_known_velocities_and_sums_go_along() -> None:
     )
 
 
-def test_parts_side_by_side_keep_their_answers() -> None:
+def test_a_union_of_problems_keeps_their_known_answers() -> None:
     parts = [hard_case("hard-stack-10"), hard_case("hard-tresca-joint")]
     whole = united(parts)
     assert whole.n_contacts == 13

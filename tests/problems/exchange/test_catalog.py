@@ -30,7 +30,7 @@ def test_every_standard_problem_that_is_held_loads_and_only_bodies_are_generated
     assert {name for name in SUITES["all"] if not is_shipped(name)} < {*SUITES["bodies"], *SUITES["sequences"]}
 
 
-def test_the_library_holds_nothing_else_and_keeps_to_its_size() -> None:
+def test_the_library_contains_only_suite_problems_and_keeps_its_size_limit() -> None:
     sizes = {name: len(file.read_bytes()) for name, file in FROZEN.items()}
     assert set(sizes) <= set(SUITES["all"])
     assert sum(sizes.values()) <= 6e6
@@ -105,7 +105,7 @@ def test_a_damaged_file_in_the_cache_is_named(tmp_path: Path, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("given", [np.eye(3), None, 5])
-def test_what_is_neither_a_name_nor_a_path_is_refused(given: object) -> None:
+def test_an_argument_that_is_neither_name_nor_path_is_refused(given: object) -> None:
     with pytest.raises(ProblemError, match="load takes the name of a problem or the path of a file, not "):
         load(given)  # type: ignore[arg-type]
 

@@ -68,7 +68,7 @@ class Recorder:
         return self.prepared.solve(stop, start)
 
 
-def test_a_start_is_the_one_that_a_stepper_gives() -> None:
+def test_a_warm_start_equals_that_of_a_stepper() -> None:
     scene, solver = make_scene("stack"), Recorder()
     stepper = MidpointRule(scene.system, solver, Stop(1e-6), scene.step_size)
     first, second = stepper.steps(scene.start, 2)

@@ -34,7 +34,7 @@ def test_known_impulses_solve_the_problem_to_rounding() -> None:
             require_known_answer(problem, impulses)  # names the failing problem
 
 
-def test_every_case_has_something_known() -> None:
+def test_every_case_has_a_known_solution_or_is_known_to_be_infeasible() -> None:
     for name in HARD_CASES:
         known = answer_of(hard_case(name))
         parts = (known.impulses, known.velocity is not None, known.functionals is not None, known.witness is not None)
@@ -48,7 +48,7 @@ def last_bits(problem: ContactProblem, impulses: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("group", CASE_GROUPS)
-def test_known_answers_are_met_by_solvers_that_know_nothing_of_them(group: str) -> None:
+def test_independent_solvers_reproduce_the_known_answers(group: str) -> None:
     sought, found = set(), set()
     for problem in map(hard_case, CASE_GROUPS[group]):
         if problem.n_rows > MAX_ROWS:
@@ -175,7 +175,7 @@ def test_the_stack_carries_the_weight_above() -> None:
     assert known.impulses[0] == pytest.approx(np.array([1e6 + 1, 1e6]) * GRAVITY * TIME_STEP, rel=1e-15)
 
 
-def test_light_under_heavy_is_solved_with_impulses_right_to_1e_6() -> None:
+def test_heavy_bodies_on_light_ones_are_solved_with_impulses_accurate_to_1e_6() -> None:
     for name in ("hard-stack-2-top-heavy", "hard-stack-10-top-1e4"):
         problem = hard_case(name)
         (impulses,) = answer_of(problem).impulses
@@ -187,7 +187,7 @@ def test_light_under_heavy_is_solved_with_impulses_right_to_1e_6() -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in HARD_CASES if name.startswith("hard-float32")])
-def test_single_precision_input_is_taken_for_what_it_says(name: str) -> None:
+def test_single_precision_input_is_converted_exactly(name: str) -> None:
     problem = hard_case(name)
     assert problem.free_velocity.dtype == np.float64
     witness = answer_of(problem).witness

@@ -92,7 +92,7 @@ def test_rank_spectrum_and_sparsity_are_as_chosen() -> None:
     assert (problem.delassus_diagonal > 0).all()
 
 
-def test_single_precision_loses_nothing() -> None:
+def test_random_matrices_are_exact_in_single_precision() -> None:
     family = Family(6, 3, n_dofs=20, friction=0.25)
     assert np.array_equal(
         single_precision(family, 3).delassus().toarray(), random_problem(family, 3).delassus().toarray()

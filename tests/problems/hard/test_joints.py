@@ -52,7 +52,7 @@ def test_the_tensions_of_a_hundred_links_are_right_to_ten_digits(pull: float, so
 
 
 @pytest.mark.parametrize("solver", ["SORprox", "SORprox(form='factors')", "NSGS", "HybridNewton", "SafeguardedSORprox"])
-def test_sweeps_come_to_the_tensions_too(solver: str) -> None:
+def test_sweeps_converge_to_the_known_tensions(solver: str) -> None:
     problem = chain(np.ones(10))
     solution = solve(problem, solver, tolerance=1e-13, max_iterations=20_000)
     assert solution.status is Status.SOLVED
@@ -68,7 +68,7 @@ def test_each_parallel_crank_beyond_the_second_is_redundant(cranks: int, rank: i
 
 @pytest.mark.parametrize("solver", BOTH_LAWS)
 @pytest.mark.parametrize("cranks", [2, 3])
-def test_a_loop_with_a_redundant_joint_moves_as_lagrange_says(cranks: int, solver: str) -> None:
+def test_a_loop_with_a_redundant_joint_satisfies_lagranges_equation(cranks: int, solver: str) -> None:
     """d/dt ∂T/∂ω of the one angle: (cranks/3 + 1) ω = −(cranks/2 + 1) g Δt cos θ, for 1 kg and 1 m each."""
     problem = parallelogram(cranks, angle=0.4)
     solution = solve(problem, solver, tolerance=1e-9, max_iterations=50_000)
@@ -79,7 +79,7 @@ def test_a_loop_with_a_redundant_joint_moves_as_lagrange_says(cranks: int, solve
 
 @pytest.mark.parametrize("solver", [name for name in BOTH_LAWS if not name.startswith("JORprox")])
 @pytest.mark.parametrize("cranks", [3, 20])
-def test_what_redundant_joints_push_their_bodies_with_is_right_to_ten_digits(cranks: int, solver: str) -> None:
+def test_forces_of_redundant_joints_on_bodies_are_accurate_to_ten_digits(cranks: int, solver: str) -> None:
     """W Λ = M (u − u_f) is unique, though Λ is not."""
     problem = parallelogram(cranks, angle=0.4)
     assert problem.answer is not None

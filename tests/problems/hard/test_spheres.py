@@ -117,7 +117,7 @@ def test_only_spatial_contacts_of_balls_can_be_given_rolling_friction(name: str)
         with_rolling_friction(load(name), 1e-3)
 
 
-def test_the_critical_sphere_is_on_the_edge_of_both_answers() -> None:
+def test_the_critical_sphere_stays_and_a_slightly_steeper_slope_makes_it_roll() -> None:
     speeds = [
         rolling(problem, problem.answer.impulses[0])[0]  # type: ignore[union-attr]
         for problem in (hard_case(f"hard-resisting-sphere-{word}") for word in ("below", "critical", "above"))

@@ -17,13 +17,13 @@ def test_it_solves_as_its_solver_does_from_any_start() -> None:
         np.testing.assert_array_equal(found.impulses, expected.impulses)
 
 
-def test_it_alone_declares_that_it_starts_from_its_last_answer() -> None:
+def test_only_warm_declares_that_it_starts_from_its_last_answer() -> None:
     assert starts_from_last_answer(create("Warm(NSGS)"))
     assert not starts_from_last_answer(create("NSGS"))
     assert create("Warm(PyramidPGS(sides=4))").model == create("PyramidPGS(sides=4)").model
 
 
 @pytest.mark.parametrize("name", ["Fallback(Warm(SORprox), NSGS)", "Warm(Warm(SORprox))"])
-def test_no_solver_contains_it_as_a_run_would_not_provide_its_start(name: str) -> None:
+def test_a_composite_solver_cannot_contain_a_warm_solver(name: str) -> None:
     with pytest.raises(SolverError, match=r"cannot contain Warm\(SORprox\), whose start a run provides"):
         create(name)

@@ -20,7 +20,7 @@ def sequence_on(name: str) -> SolverSequence:
     return SolverSequence(problem, Residual(problem), {}, Stop(1e-8), None, Clock(math.inf))
 
 
-def test_a_window_is_lost_where_it_gains_less_than_a_digit() -> None:
+def test_sweeps_are_slow_if_a_window_gains_less_than_a_digit() -> None:
     window = Window(100)
     assert not window.is_slow(0, 1.0)
     assert not window.is_slow(99, 0.5)
@@ -29,7 +29,7 @@ def test_a_window_is_lost_where_it_gains_less_than_a_digit() -> None:
     assert window.is_slow(200, 0.01)
 
 
-def test_a_window_begins_with_each_digit() -> None:
+def test_a_new_window_begins_when_a_digit_is_gained() -> None:
     """Digits of the first sweeps, which are fast on every problem, do not count for later ones."""
     window = Window(100)
     residuals = {0: 1.0, 10: 0.1, 20: 0.01}

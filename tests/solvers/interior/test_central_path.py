@@ -41,7 +41,7 @@ def test_a_resumed_path_is_the_same_path(length: int) -> None:
     assert judge(problem, part.impulses).residual <= 1e-8
 
 
-def test_the_path_of_an_infeasible_problem_has_ended() -> None:
+def test_the_central_path_of_an_infeasible_problem_is_marked_as_ended() -> None:
     problem = ContactProblem.from_delassus([[0.0]], [-1.0], dim=1)
     path = ResumablePath(CentralPath(), problem)
     assert path.solve(Stop(1e-8)).status is Status.INFEASIBLE

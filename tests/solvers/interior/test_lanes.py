@@ -21,7 +21,7 @@ def random_arrays(problem: ContactProblem) -> tuple[NDArray[np.float64], NDArray
     return rng.normal(size=(layout.n_blocks, layout.width)), rng.normal(size=(len(lanes.block), lanes.width))
 
 
-def test_impulses_of_blocks_come_back_from_their_cones(problem: ContactProblem) -> None:
+def test_conversion_from_blocks_to_cones_and_back_is_the_identity(problem: ContactProblem) -> None:
     lanes = lanes_of(problem.layout)
     used = problem.layout.pad(np.ones(problem.n_rows))
     blocks = used * random_arrays(problem)[0]

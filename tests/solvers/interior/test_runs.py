@@ -59,7 +59,7 @@ def test_a_single_run_has_the_name_and_the_refusals_of_its_method() -> None:
 
 
 @pytest.mark.parametrize("name", ["hard-sliding-block", "hard-sliding-block-32"])
-def test_short_steps_do_not_end_a_solve_without_successors(name: str) -> None:
+def test_a_solve_without_a_later_run_continues_after_short_steps(name: str) -> None:
     """There are five consecutive steps of a billionth of a Newton step, and then long ones again."""
     problem = load(name)
     single = SingleRun(InteriorPoint()).prepare(problem).solve(Stop(1e-12))

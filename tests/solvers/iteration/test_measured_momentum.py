@@ -41,7 +41,7 @@ def test_the_memory_stops_growing_at_that_of_critical_damping() -> None:
     assert 0.5 <= 2.0 * np.sqrt(decay) / (1.0 - rule.bound) <= 2.0
 
 
-def test_a_growth_that_makes_sweeps_slower_is_undone_and_the_next_trial_waits() -> None:
+def test_an_increase_of_memory_that_slows_sweeps_is_undone_and_retried_later() -> None:
     rule, residual, grown = MeasuredMomentum(), 1.0, []
     for k in range(0, 401, 10):
         rule.record_residual(k, residual)

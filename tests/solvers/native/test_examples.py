@@ -43,7 +43,7 @@ def iterates(solver: Solver, name: str) -> list[FloatArray]:
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_each_iterate_is_that_of_our_sweeps_to_rounding(text: str, name: str) -> None:
+def test_native_sweeps_equal_built_in_sweeps_to_rounding(text: str, name: str) -> None:
     ours, theirs = iterates(create("SORprox"), name), iterates(create(text), name)
     assert len(ours) == len(theirs) > 0
     for one, other in zip(ours, theirs, strict=True):
@@ -51,7 +51,7 @@ def test_each_iterate_is_that_of_our_sweeps_to_rounding(text: str, name: str) ->
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_a_solve_ends_as_ours_does(text: str, name: str) -> None:
+def test_native_sweeps_have_the_status_and_iterations_of_sorprox(text: str, name: str) -> None:
     problem, limits = load(name), Stop(1e-6, max_iterations=2000)
     ours = create("SORprox", relaxation=1.2).prepare(problem).solve(limits)
     theirs = create(text[:-1] + ", options='relaxation=1.2')").prepare(problem).solve(limits)

@@ -48,7 +48,7 @@ def test_one_process_serves_all_solves_and_ends_with_the_solver(program: Path) -
     assert children() == before
 
 
-def test_it_names_the_seconds_by_its_own_clock(faulty_program: Path) -> None:
+def test_the_message_contains_the_time_by_the_clock_of_the_program(faulty_program: Path) -> None:
     solution = faulty(faulty_program).prepare(load("hard-stack-10")).solve(Stop())
     assert (solution.status, solution.message) == (Status.SOLVED, "0.001 s by its own clock")
 

@@ -28,7 +28,7 @@ def faulty(library: Path, fault: str = "") -> Shared:
     return Shared(str(library), fault)
 
 
-def test_the_path_needs_no_quotes_and_the_name_makes_the_solver_again(faulty_library: Path) -> None:
+def test_a_path_without_quotes_is_accepted_and_the_name_recreates_the_solver(faulty_library: Path) -> None:
     solver = create(f"Shared({faulty_library}, options='lie')")
     assert solver == create(solver.name) == pickle.loads(pickle.dumps(solver))
     assert solver.name == f"Shared('{faulty_library}', options='lie')"
@@ -69,13 +69,13 @@ def test_a_write_outside_the_impulses_is_detected(faulty_library: Path, fault: s
         prepared.solve(Stop())
 
 
-def test_an_answer_with_a_row_missing_is_none(faulty_library: Path) -> None:
+def test_an_answer_with_a_missing_row_is_not_finite(faulty_library: Path) -> None:
     problem = ten_contacts()
     solution = faulty(faulty_library, "short").prepare(problem).solve(Stop())
     assert "not finite" in str(solution_fault(problem, solution))
 
 
-def test_a_number_that_is_no_status_is_refused(faulty_library: Path) -> None:
+def test_an_unknown_status_number_is_refused(faulty_library: Path) -> None:
     with pytest.raises(BrokenInterfaceError, match="returned status 99"):
         faulty(faulty_library, "status").prepare(ten_contacts()).solve(Stop())
 

@@ -93,7 +93,7 @@ def test_cycles_of_any_length_are_detected_and_constant_iterates_are_a_stall(len
     assert repeats.status is (Status.STALLED if length == 1 else Status.OSCILLATING)
 
 
-def test_iterates_that_grow_are_no_cycle() -> None:
+def test_monotone_iterates_are_not_reported_as_a_cycle() -> None:
     repeats = CycleDetector(np.zeros(2))
     for count in range(100):
         repeats.record(np.array([1.0, 1.0 + 1e-12 * count]))

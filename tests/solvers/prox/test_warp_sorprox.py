@@ -52,7 +52,7 @@ def test_a_device_repeats_its_bits_and_the_judge_confirms_them(solver: str) -> N
 
 
 @pytest.mark.parametrize("phase", ["prepare", "solve"])
-def test_device_memory_that_does_not_suffice_is_one_sentence(phase: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_insufficient_device_memory_is_reported_in_one_sentence(phase: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Warp raises a bare RuntimeError in this form; other errors are not about memory."""
     solver, problem = create("WarpColouredSORprox(device='cpu')"), load("funnel-100")
     prepared = solver.prepare(problem)
@@ -86,7 +86,7 @@ def test_the_name_always_says_the_device() -> None:
 
 
 @pytest.mark.skipif(warp.is_cuda_available(), reason="there is a graphics processor")
-def test_an_absent_device_is_one_sentence() -> None:
+def test_a_missing_graphics_processor_is_reported_in_one_sentence() -> None:
     with pytest.raises(SolverError) as raised:
         create("WarpJORprox")
     assert (

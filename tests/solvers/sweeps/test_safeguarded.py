@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem
-from proxbench.solvers.sweeps.safeguarded import CUT, INTERVALS, SafeguardedIterates
+from proxbench.solvers.sweeps.safeguarded import INTERVALS, STEP_REDUCTION, SafeguardedIterates
 
 FIRST = INTERVALS[0]
 """Number of sweeps before the first comparison."""
@@ -25,7 +25,7 @@ class Scripted:
 
     def scale_steps(self, fraction: np.ndarray) -> None:
         self.cuts += 1
-        assert fraction == pytest.approx(CUT**self.cuts)
+        assert fraction == pytest.approx(STEP_REDUCTION**self.cuts)
 
 
 def swept(increments: list[float], **scripted: Any) -> Scripted:

@@ -20,8 +20,8 @@ MAX_FACES = 64
 MAX_CORNERS = 32
 """Largest number of corners of a face."""
 
-ALIKE = 1e-9
-"""Square of the largest angle, or distance divided by the size, at which faces and directions count as equal."""
+DIRECTION_TOLERANCE = 1e-9**0.5
+"""Largest angle [rad], or distance divided by the size, up to which faces and directions count as equal."""
 
 FLATNESS = 1e-4
 """Tolerated distance of corners from their face divided by the size; triangles are merged to 3e-5."""
@@ -164,7 +164,7 @@ def _faces(corners: FloatArray, hull: "ConvexHull") -> tuple[tuple[int, ...], ..
     faces: list[tuple[int, ...]] = []
     left = np.arange(len(scaled))
     while len(left):
-        alike = np.abs(scaled[left] - scaled[left[0]]).max(axis=1) < ALIKE**0.5
+        alike = np.abs(scaled[left] - scaled[left[0]]).max(axis=1) < DIRECTION_TOLERANCE
         normal = hull.equations[left[0], :3]
         faces.append(_around(corners, np.unique(hull.simplices[left[alike]]), normal))
         left = left[~alike]

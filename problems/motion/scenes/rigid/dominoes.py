@@ -41,7 +41,7 @@ from .effects import rigid_bodies
 RESTING_DEPTH = 1e-6
 """Depth [m] of upright dominoes in the ground, which shortens lever arms; see ``scene.RESTING_OVERLAP``."""
 
-TRAIN = 40
+N_IMPACTS = 40
 """Number of impacts after which the speed of the wave counts as its limit."""
 
 ANGLES = 200
@@ -150,7 +150,7 @@ class Dominoes:
 
     @cached_property
     def intervals(self) -> FloatArray:
-        """Times from each impact to the next one [s] by the theory, shape (TRAIN − 1,).
+        """Times from each impact to the next one [s] by the theory, shape (N_IMPACTS − 1,).
 
         Raises:
             ProblemError: if the push is too weak, or friction too strong for a wave.
@@ -163,7 +163,7 @@ class Dominoes:
         inertia = (height**2 + thickness**2) / 3.0
         moments = 0.5 * self.gravity * (height * np.sin(angles) - thickness * np.cos(angles))
         head_speed, seconds = self.push, []  # speed of the head after an impact; times between impacts
-        for n in range(1, TRAIN):
+        for n in range(1, N_IMPACTS):
             # n dominoes move; y = ω² of the head has dy/dθ + P y = Q
             c = weights[:n]
             resistance = inertia * (c * rates[:n]).sum(axis=0)
@@ -183,20 +183,20 @@ class Dominoes:
         """Return the angles [rad], rates w and factors c of a train whose head leans by ``heads`` [rad].
 
         Returns:
-            From the head backwards, shape (TRAIN + 1, len(heads)) each.
+            From the head backwards, shape (N_IMPACTS + 1, len(heads)) each.
 
         Raises:
             ProblemError: if dominoes do not push each other because of their friction.
         """
         thickness, _, height = self.size
         angles, rates, weights = [heads], [np.ones(len(heads))], [np.ones(len(heads))]
-        for _ in range(TRAIN):
+        for _ in range(N_IMPACTS):
             sine = (self.pitch * np.cos(angles[-1]) - thickness) / height
             cosine, way = np.sqrt(1.0 - sine * sine), self.pitch * np.sin(angles[-1])
-            pushed = height * cosine - way - self.friction * thickness
-            if not (pushed > 0.0).all():
+            lever_arm = height * cosine - way - self.friction * thickness
+            if not (lever_arm > 0.0).all():
                 raise ProblemError(f"dominoes with friction {self.friction} do not push each other; reduce it.")
-            weights.append(weights[-1] * pushed / (height * (cosine + self.friction * sine)))
+            weights.append(weights[-1] * lever_arm / (height * (cosine + self.friction * sine)))
             rates.append(rates[-1] * (1.0 - way / (height * cosine)))
             angles.append(angles[-1] + np.arcsin(sine))
         return np.array(angles), np.array(rates), np.array(weights)

@@ -89,7 +89,7 @@ def test_a_failed_point_and_those_behind_it_are_left_as_they_are() -> None:
     assert [failed.is_pending(level) for level in range(2)] == [False, False]
 
 
-def test_a_time_limit_that_others_caused_is_tried_again_with_the_points_behind_it() -> None:
+def test_a_time_limit_caused_by_other_programs_is_retried_with_finer_points() -> None:
     late = point(1e-2, Outcome.TIME_LIMIT, "time limit", "preempted")
     rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="")
     assert made_case(late, number=1).is_pending(0)
@@ -108,7 +108,9 @@ def test_a_time_limit_that_others_caused_is_tried_again_with_the_points_behind_i
         (Outcome.STALLED, "stalled", "0.01 already ended stalled"),
     ],
 )
-def test_finer_points_follow_those_that_a_solver_claims_in_time(outcome: Outcome, status: str, reason: str) -> None:
+def test_finer_points_are_measured_only_after_a_claim_within_the_time_limit(
+    outcome: Outcome, status: str, reason: str
+) -> None:
     assert made_case().reason_to_stop(point(1e-2, outcome, status)) == reason
 
 
@@ -320,7 +322,9 @@ def test_the_curve_has_the_judged_residual_of_each_iterate(monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize(("iterations", "count"), [([1, 2], 3), ([1, 2, 3], 2), ("12", 2)])
-def test_a_curve_that_cannot_be_is_misbehaviour(iterations: Any, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_inconsistent_convergence_curve_is_misbehaviour(
+    iterations: Any, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     answer = {"iterations": iterations, "calls": 2, "claimed": 2}
     case = begun(monkeypatch, Scripted({"observe": (answer, np.zeros(3 * count))}))
     assert case.outcome is Outcome.MISBEHAVED

@@ -63,7 +63,7 @@ def controls(request: pytest.FixtureRequest) -> Iterator[Controls]:
     made.close()
 
 
-def test_a_solver_that_remembers_is_accused_with_both_times() -> None:
+def test_a_solver_that_caches_solutions_misbehaves_and_both_times_are_given() -> None:
     problem = load("funnel-1000")  # ten milliseconds, far above any noise
     controls = Controls(problem, warm_up_data(problem), solver_spec(Wrapped("remember")), LIMITS)
     with contextlib.closing(controls), pytest.raises(Fault) as found:
@@ -99,7 +99,7 @@ def test_the_impulses_of_a_first_solve_are_those_of_the_problem(controls: Contro
 
 
 @pytest.mark.parametrize("controls", [Wrapped()], indirect=True)
-def test_a_copy_takes_about_as_long_as_the_problem_and_is_solved_once_then(controls: Controls) -> None:
+def test_a_copy_is_solved_once_if_it_takes_about_as_long_as_the_problem(controls: Controls) -> None:
     assert len(controls.copies(STOP, 1.0, never)) == 1
     assert len(controls.copies(STOP, 1e-9, lambda: 1e-9)) > 1
 
@@ -166,7 +166,9 @@ def test_a_first_solve_in_other_units_starts_as_far_from_the_solution_as_the_tim
 
 
 @pytest.mark.parametrize(("seconds", "fresh", "n"), [(1.0, [1.0], 1), (0.01, [0.01], 2), (0.01, [0.1, 0.01], 4)])
-def test_first_solves_are_repeated_until_explained_ones_prevail(seconds: float, fresh: list[float], n: int) -> None:
+def test_first_solves_are_repeated_until_explained_times_outnumber_others(
+    seconds: float, fresh: list[float], n: int
+) -> None:
     controls = Scripted(fresh)
     assert [one.seconds for one in controls.first_solves(STOP, seconds, lambda: seconds)][:1] == fresh[:1]
     assert controls.n_asked == n
@@ -211,7 +213,7 @@ def never() -> float:
     raise AssertionError
 
 
-def test_of_first_solves_alone_and_after_another_problem_the_faster_ones_count() -> None:
+def test_the_faster_of_first_solves_with_and_without_a_prior_problem_count() -> None:
     assert [one.seconds for one in Scripted([0.1], 0.001).first_solves(STOP, 0.001, lambda: 0.001)] == [0.001] * 4
     assert {one.seconds for one in Scripted([0.0015], 0.1).first_solves(STOP, 0.001, lambda: 0.001)} == {0.0015}
 
@@ -242,7 +244,7 @@ def test_slow_first_solves_are_a_fault_after_equally_slow_copies_or_after_varian
 
 
 @pytest.mark.parametrize("of_copies", [4, 20])
-def test_cold_code_in_first_solves_causes_no_misbehaviour(of_copies: int) -> None:
+def test_code_that_is_not_yet_loaded_in_first_solves_is_not_misbehaviour(of_copies: int) -> None:
     found = OtherWay(of_copies, 1e-3).first_solves(STOP, 1e-3, lambda: 1e-3)
     assert {solve.seconds for solve in found if solve.is_first} == {0.1}  # reported in a note
     assert {solve.seconds for solve in found if not solve.is_first} == {1e-3}  # these are judged

@@ -64,7 +64,7 @@ def test_a_fault_of_a_solver_costs_its_curve_only(action: str, outcome: Outcome,
 
 @pytest.mark.parametrize("fault", ["raise", "exit", "eat"])
 @pytest.mark.usefixtures("scenes")
-def test_a_scene_whose_reference_fails_is_said_in_one_sentence(fault: str, tmp_path: Path) -> None:
+def test_a_failed_reference_solution_is_reported_in_one_sentence(fault: str, tmp_path: Path) -> None:
     with pytest.raises(BenchError, match=rf"the reference of faulty\(fault='{fault}'\) cannot be simulated") as caught:
         study(f"faulty(fault={fault!r})", results=tmp_path, duration=0.2, methods={GOOD: (1e-3,)})
     assert "\n" not in str(caught.value)

@@ -161,7 +161,7 @@ def test_resuming_measures_only_what_is_left_after_the_last_point(tmp_path: Path
     ).all()
 
 
-def test_what_was_measured_of_other_numbers_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_points_of_a_changed_problem_are_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = study(**SLIDING, results=tmp_path).folder
     events: list[Event] = []
     resume(folder, on_event=events.append)

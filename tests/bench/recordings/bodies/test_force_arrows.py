@@ -19,7 +19,7 @@ def test_arrows_grow_with_the_root_of_a_force_and_an_impact_does_not_cover_every
     assert "4 N" in arrows.explanation
 
 
-def test_a_motion_without_forces_has_nothing_to_explain() -> None:
+def test_a_motion_without_forces_needs_no_explanation_of_arrows() -> None:
     arrows = ForceArrows()
     arrows.add(1, *NO_FORCES)
     assert arrows.explanation == ""

@@ -45,7 +45,7 @@ def test_a_hanging_pendulum_is_pulled_at_its_hinge_against_its_weight(
     assert str(content.blueprint).count("'active contacts'") == 1  # in the first layout only
 
 
-def test_colours_tell_joints_with_friction_and_motors_apart() -> None:
+def test_joints_with_friction_and_motors_have_distinct_colours() -> None:
     drawn = shapes(
         Joint("revolute", 0),
         Joint("revolute", 0, friction=1.0),

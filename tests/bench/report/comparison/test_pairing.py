@@ -122,9 +122,7 @@ def test_runs_without_anything_in_common_are_refused(tmp_path: Path, before: Pat
 
 
 @pytest.mark.slow
-def test_runs_of_another_judge_or_without_cases_and_folders_that_are_none_are_refused(
-    tmp_path: Path, before: Path
-) -> None:
+def test_runs_of_another_judge_empty_runs_and_missing_folders_are_refused(tmp_path: Path, before: Path) -> None:
     refused = {
         "judged by version .* of the judge": store_run(tmp_path / "judge", simulated_cases(0), judge=7),
         "has no measured case": store_run(tmp_path / "empty", []),
@@ -135,7 +133,7 @@ def test_runs_of_another_judge_or_without_cases_and_folders_that_are_none_are_re
             compare(before, after)
 
 
-def test_cases_that_reach_nothing_compare_too(tmp_path: Path) -> None:
+def test_runs_without_any_reached_accuracy_can_be_compared(tmp_path: Path) -> None:
     runs = [store_run(tmp_path / name, [case_record()]) for name in ("before", "after")]
     found = compare(*runs)
     assert found.points.empty

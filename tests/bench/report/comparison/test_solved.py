@@ -70,7 +70,7 @@ def test_the_same_in_both_runs_is_no_change(tmp_path: Path) -> None:
     assert reached.failures("solved<") == []
 
 
-def test_solved_less_fails_only_on_what_is_unsolved(tmp_path: Path) -> None:
+def test_the_solved_condition_fails_only_on_points_that_become_unsolved(tmp_path: Path) -> None:
     runs = [
         store_run(tmp_path / name, case_of(point))
         for name, point in (("a", solved()), ("b", unsolved(Outcome.STALLED)))

@@ -110,7 +110,7 @@ def test_points_have_their_own_ratios_and_intervals(tmp_path: Path) -> None:
     assert ours["ratio"].median() == pytest.approx(3.0, rel=0.1)
 
 
-def test_one_pass_decides_nothing(tmp_path: Path) -> None:
+def test_a_single_pass_leaves_times_undecided(tmp_path: Path) -> None:
     found = pair_of_runs(tmp_path, 7, {"A": 2.0}, passes=1)
     assert not found.slower()
     assert "undecided" in found.verdict

@@ -72,7 +72,7 @@ def test_another_format_is_refused(suffix: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "there/..", "/"])
-def test_what_names_no_file_is_refused(name: str) -> None:
+def test_an_output_path_without_a_file_name_is_refused(name: str) -> None:
     with pytest.raises(BenchError, match="name a file"):
         picture_files(Path(name))
 

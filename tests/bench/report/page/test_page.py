@@ -293,7 +293,7 @@ def test_unsupported_cases_are_apart_from_failures(
 
 
 @pytest.mark.slow
-def test_colours_follow_the_theme_and_paper_is_white(browser: Chromium, reference: Path) -> None:
+def test_the_page_has_the_colours_of_the_theme_and_prints_on_white(browser: Chromium, reference: Path) -> None:
     opened(browser, reference)
     script = "(({ backgroundColor, color }) => [backgroundColor, color])(getComputedStyle(document.body))"
 

@@ -84,7 +84,9 @@ def test_a_bundle_gets_the_name_of_its_run(made: Run, tmp_path: Path, monkeypatc
         (with_run(carried={"sliding pair": "0" * 64}), "its problems differ from its list of problems"),
     ],
 )
-def test_parts_that_do_not_fit_are_refused(change: Change, reason: str, honest: Bundle, tmp_path: Path) -> None:
+def test_a_bundle_with_inconsistent_parts_is_refused(
+    change: Change, reason: str, honest: Bundle, tmp_path: Path
+) -> None:
     write_bundle(change(honest), tmp_path / "odd.bundle")
     with pytest.raises(BenchError, match=reason):
         read_bundle(tmp_path / "odd.bundle")
@@ -133,7 +135,7 @@ def test_the_library_takes_precedence_over_a_bundled_problem_of_the_same_name(ho
     assert "answer" not in both.problem("funnel-30").provenance
 
 
-def test_a_run_that_is_not_whole_is_not_packed(made: Run, tmp_path: Path) -> None:
+def test_a_damaged_or_empty_run_is_not_bundled(made: Run, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(made.folder, tmp_path / "it"))
     cases = sorted((folder / "cases").iterdir())
     cases[0].write_text(cases[0].read_text().replace("1", "2", 1))

@@ -173,7 +173,7 @@ def is_lie(name: str, case: CaseRecord) -> bool:
     return bool(impulses.any()) or "impulses" not in name
 
 
-def test_an_honest_bundle_agrees_to_the_bit(made: Run, file: Path) -> None:
+def test_an_unchanged_bundle_is_rejudged_to_equal_bits(made: Run, file: Path) -> None:
     found = rejudge(file)
     assert found.disagreements == []
     assert (found.n_cases, found.n_judged) == (12, 12)

@@ -44,7 +44,7 @@ def bundle_that_says(judged: np.ndarray, sent: np.ndarray, problem: ContactProbl
     return Bundle(Path("run.bundle"), RUN, [case], {"stuck": problem})
 
 
-def test_a_residual_of_rounding_agrees_with_another_one() -> None:
+def test_residuals_at_rounding_level_agree() -> None:
     other = SOLUTION * (1.0 + 0.5 * ROUNDING * np.array([1.0, -1.0, -1.0]))
     assert judge(PROBLEM, other).residual > 10.0 * judge(PROBLEM, SOLUTION).residual
     assert rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION)).n_identical == 2
@@ -74,12 +74,12 @@ def test_a_case_that_measured_nothing_has_nothing_to_judge() -> None:
 
 
 @pytest.mark.parametrize("part", [1e-9, 1e-6])
-def test_a_residual_that_is_less_by_more_than_rounding_is_found(part: float) -> None:
+def test_rejudge_reports_a_residual_too_small_by_more_than_rounding(part: float) -> None:
     (sentence,) = rejudge_bundle(bundle_that_says(SOLUTION, SOLUTION * (1.0 + part))).disagreements
     assert sentence.startswith("S on stuck: the bundle reports residual ")
 
 
-def test_a_problem_with_other_numbers_is_found() -> None:
+def test_rejudge_reports_a_problem_with_changed_numbers() -> None:
     bundle = bundle_that_says(SOLUTION, SOLUTION)
     other = with_changes(PROBLEM, free_velocity=2.0 * PROBLEM.free_velocity)
     (sentence,) = rejudge_bundle(with_changes(bundle, carried={"stuck": other})).disagreements

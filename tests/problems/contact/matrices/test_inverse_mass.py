@@ -69,7 +69,7 @@ def test_a_fresh_copy_has_the_root_and_shares_no_memory(is_diagonal: bool) -> No
         assert not np.shares_memory(one.data, other.data)
 
 
-def test_what_is_no_mass_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_invalid_mass_matrix_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     upper = np.eye(3)
     upper[0, 1] = 0.5
     indefinite = np.diag([1.0, 1.0, 1.0, 1.0])

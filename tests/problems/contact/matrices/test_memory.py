@@ -95,7 +95,7 @@ def test_systems_and_factors_are_refused_before_they_are_allocated(leave: Callab
         create("InteriorPoint(form='factors')").prepare(problem)
 
 
-def test_robust_sweeps_on_if_nothing_else_fits(leave: Callable[[float], None]) -> None:
+def test_robust_continues_with_sweeps_if_memory_allows_no_other_method(leave: Callable[[float], None]) -> None:
     """Sweeps over the factors need neither G nor a factorisation."""
     problem = grains_on_slab(300)
     leave(1000.0)

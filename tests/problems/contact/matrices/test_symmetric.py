@@ -78,7 +78,7 @@ def test_entries_that_differ_across_the_diagonal_are_refused_at_any_size(n: int,
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_the_quick_look_at_a_sparse_matrix_finds_what_the_detailed_checks_find(seed: int) -> None:
+def test_the_fast_check_of_a_sparse_matrix_agrees_with_the_detailed_checks(seed: int) -> None:
     """Symmetric matrices pass; one changed entry, or one without its mirror image, makes the answer false."""
     rng = np.random.default_rng(seed)
     root = sp.random_array((80, 80), density=0.05, rng=rng, format="csr")

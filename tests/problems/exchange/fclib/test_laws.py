@@ -193,7 +193,7 @@ def test_a_solution_is_stored_with_the_impulses_of_joints_and_confirmed(
 
 
 @pytest.mark.parametrize("name", ["hard-towed-wheel-rolls", "hard-towed-wheel-slides"])
-def test_joints_before_contacts_are_written_behind_them_and_the_answer_with_them(name: str, tmp_path: Path) -> None:
+def test_joints_and_their_impulses_are_reordered_behind_contacts(name: str, tmp_path: Path) -> None:
     problem = hard_case(name)
     assert problem.answer is not None
     (known,) = problem.answer.impulses

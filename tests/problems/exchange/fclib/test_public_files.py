@@ -76,7 +76,7 @@ def test_written_and_read_again_it_is_the_same_problem(path: Path, problem: Cont
                 assert (matrix(before[f"{root}/{name}"]) != matrix(after[f"{root}/{name}"])).nnz == 0
 
 
-def test_no_solution_is_read_that_was_never_written(path: Path, problem: ContactProblem) -> None:
+def test_a_solution_is_read_only_if_the_file_has_one(path: Path, problem: ContactProblem) -> None:
     with h5py.File(path) as file:
         stored = "solution/r" in file and file["solution/r"][:].any()
     assert ("stored_solution_residual" in problem.provenance) == bool(stored)

@@ -64,6 +64,6 @@ def test_invalid_json_problems_are_refused_with_the_path(text: str, words: str, 
     assert str(caught.value).startswith(str(tmp_path / "p.json"))
 
 
-def test_other_endings_are_refused(tmp_path: Path) -> None:
+def test_unknown_file_name_extensions_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match=r"end in .npz or .json, and .* does not; name it p.npz"):
         save_problem(load("hard-sticking-box"), tmp_path / "p.txt")

@@ -81,6 +81,6 @@ def test_malformed_arrays_are_refused_in_one_sentence(arrays: dict[str, Any], wo
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_is_nothing_of_ours_is_refused(tmp_path: Path) -> None:
+def test_a_file_without_a_known_layout_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match=r"not a problem file.*numpy\.savez of G, c and mu"):
         load(saved(tmp_path, weights=np.eye(3)))

@@ -146,7 +146,7 @@ def test_gaps_below_a_limit_are_those_of_all_pairs_and_of_the_plane(limit: float
     assert np.sort(gaps) == pytest.approx(np.sort(every[every < limit]), abs=1e-12)
 
 
-def test_overlaps_no_deeper_than_tolerated_are_none() -> None:
+def test_overlaps_within_the_tolerance_are_not_reported() -> None:
     system = BallSystem(np.array([0.5]), np.ones(1), [Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))], 3)
     sunk = np.array([0.0, 0.0, 0.49])
     assert system.overlaps(sunk, 0.02) is None

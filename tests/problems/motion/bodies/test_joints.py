@@ -176,7 +176,7 @@ def test_equal_rows_by_number_and_one_by_one_are_the_same_system() -> None:
         (1, [0], "joint_rows must be positive"),
     ],
 )
-def test_numbers_of_rows_that_fit_nothing_are_named(rows: Any, joints: list[int], what: str) -> None:
+def test_inconsistent_row_counts_are_reported(rows: Any, joints: list[int], what: str) -> None:
     plain = pendulum()
     with pytest.raises(ProblemError, match=what):
         MechanicalSystem(plain.mass, plain.force, plain.gap, plain.directions, [0.0], [0.0], [0.0], rows, joints)

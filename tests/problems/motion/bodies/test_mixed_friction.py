@@ -54,7 +54,7 @@ def test_mixed_friction_changes_nothing_but_the_contact_laws() -> None:
     assert np.array_equal(mixed.contacts.directions.values, plain.contacts.directions.values)
 
 
-def test_a_range_upside_down_is_refused() -> None:
+def test_a_range_in_descending_order_is_refused() -> None:
     with pytest.raises(ProblemError, match="lowest first"):
         MixedFriction(0.9, 0.1)
 

@@ -160,7 +160,7 @@ def test_a_search_lasts_for_several_queries_of_balls_of_steady_speed(speed: floa
     assert min(np.diff(searches)[1:]) >= queries - 1
 
 
-def test_one_fast_ball_leaves_the_skins_of_slow_ones_narrow() -> None:
+def test_a_fast_ball_does_not_widen_the_search_margins_of_slow_ones() -> None:
     """A ball that crosses a grid of balls, none of which are near each other, adds only its own pairs."""
     grid = 2.2 * np.argwhere(np.ones((5, 5, 5)))
     centres = np.vstack([grid, [[-3.0, 4.4, 5.5]]])

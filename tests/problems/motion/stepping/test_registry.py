@@ -58,7 +58,7 @@ def test_a_stepper_is_made_again_from_its_name(stepper: Stepper) -> None:
         ("Extrapolated(", "as a stepper; write a name"),
     ],
 )
-def test_what_is_no_stepper_is_named(text: str, what: str) -> None:
+def test_an_unknown_stepper_or_option_is_reported_by_name(text: str, what: str) -> None:
     with pytest.raises(ProblemError, match=what):
         make_stepper(text)
 

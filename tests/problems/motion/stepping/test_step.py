@@ -51,7 +51,7 @@ def test_switches_are_listed_by_contact() -> None:
     ]
 
 
-def test_a_slip_across_the_last_one_is_no_reversal() -> None:
+def test_a_perpendicular_slip_is_not_a_reversal() -> None:
     before, across, back = (LawStates((1,), (), {1: slip}) for slip in ((1.0, 0.0), (0.0, 1.0), (-1.0, 9.0)))
     assert across.is_unchanged_since(before)
     assert not back.is_unchanged_since(before)

@@ -73,7 +73,7 @@ def switched_after(smooth: float) -> Attempt:
 
 
 @pytest.mark.parametrize(("smooth", "factor"), [(0.0, BLIND_CUT), (0.5, 0.5 * APPROACH), (0.75, 0.75 * APPROACH)])
-def test_after_a_switch_a_part_of_what_was_smooth_is_tried(
+def test_the_step_after_a_switch_is_a_fraction_of_the_smooth_interval(
     smooth: float, factor: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     search = anticipating(monkeypatch, 1.0)

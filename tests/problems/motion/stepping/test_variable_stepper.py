@@ -90,7 +90,7 @@ class Unforeseen(Anticipating):
         return length
 
 
-def test_incidents_that_are_not_anticipated_are_located_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_switching_points_that_were_not_predicted_are_located(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(SEARCHES, "unforeseen", Unforeseen)
     found = switches(cycle(1.0001, tolerance=1e-7, min_step=1e-9, search="unforeseen"))
     assert [0.5 * (switch.begin + switch.end) for switch in found] == pytest.approx(TIMES, abs=1e-8)

@@ -104,7 +104,7 @@ def test_only_as_many_threads_as_cores_are_granted(threads: Any) -> None:
         solve_many([load("hard-tower-3")], threads=threads)
 
 
-def test_one_problem_is_not_a_list() -> None:
+def test_a_single_problem_instead_of_a_list_is_refused() -> None:
     one: Any = load("hard-tower-3")
     with pytest.raises(SolverError, match="for one problem, use solve"):
         solve_many(one)

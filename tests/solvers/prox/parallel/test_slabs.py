@@ -67,7 +67,7 @@ def test_each_contact_has_its_own_lane_and_contacts_of_a_batch_share_no_body(
 
 @settings(max_examples=60, deadline=None)
 @contacts
-def test_bodies_are_numbered_anew_without_those_that_touch_nothing(
+def test_bodies_without_contacts_are_left_out_of_the_numbering(
     seed: int, n_contacts: int, n_bodies: int, reach: int
 ) -> None:
     pairs = neighbouring(seed, n_contacts, n_bodies, reach)

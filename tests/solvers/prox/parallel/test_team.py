@@ -58,7 +58,7 @@ def test_each_thread_takes_part_in_each_call(threads: int) -> None:
     assert _thread._count() == before
 
 
-def test_a_thread_that_has_left_takes_part_again() -> None:
+def test_a_thread_that_stopped_waiting_takes_part_in_the_next_call() -> None:
     parts, starts = np.zeros((2, 2), dtype=np.int64)
     team = Team(2, _count_parts, parts, starts)
     team.run()

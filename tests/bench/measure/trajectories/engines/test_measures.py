@@ -127,7 +127,7 @@ def test_overlap_is_that_of_the_nearest_balls_in_radii(name: str) -> None:
     assert moved(name, push)[0] == pytest.approx(0.1)
 
 
-def test_balls_below_the_outlet_are_through() -> None:
+def test_balls_below_the_outlet_are_counted_as_discharged() -> None:
     def drop(positions: np.ndarray) -> None:
         positions[:7, 2] -= 1.0
 

@@ -160,6 +160,6 @@ def test_a_start_beyond_a_limit_is_refused() -> None:
         ({"kind": "rope"}, "length of a rope joint"),
     ],
 )
-def test_limits_and_motors_without_sense_are_refused(change: dict[str, Any], words: str) -> None:
+def test_inconsistent_limits_and_motors_are_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         replace(Joint("revolute", 0), **change)

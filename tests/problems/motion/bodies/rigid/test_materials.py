@@ -26,7 +26,7 @@ def test_a_missing_pair_is_named_unless_both_bodies_are_fixed_or_the_same() -> N
     MaterialPairs(("steel", "wood", "rubber", "rubber"), COEFFICIENTS, n_fixed=2)
 
 
-def test_balls_take_them_as_friction_and_restitution_too() -> None:
+def test_balls_accept_material_pairs_for_friction_and_restitution() -> None:
     friction = MaterialPairs(("steel", "wood", "rubber"), COEFFICIENTS, n_fixed=1)
     restitution = MaterialPairs(("steel", "wood", "rubber"), {**COEFFICIENTS, ("steel", "rubber"): 0.3}, n_fixed=1)
     effects = (Friction(friction), Restitution(restitution))

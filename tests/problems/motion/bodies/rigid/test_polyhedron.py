@@ -80,7 +80,7 @@ def test_faces_go_round_counter_clockwise_at_any_size(scale: float) -> None:
         ([*TETRAHEDRON.tolist(), [0.1, 0.1, 0.1]], "point 4 of a polyhedron is not a corner"),
     ],
 )
-def test_points_that_make_no_polyhedron_are_refused(points: object, words: str) -> None:
+def test_points_without_a_valid_convex_hull_are_refused(points: object, words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         convex_polyhedron(points)
 

@@ -46,7 +46,7 @@ def test_the_jacobian_is_the_rate_of_the_residual(kind: str, second: int) -> Non
 
 @pytest.mark.parametrize("friction", [0.0, 1.0])
 @pytest.mark.parametrize("kind", KINDS)
-def test_joints_have_no_power_over_a_rigid_motion(kind: str, friction: float) -> None:
+def test_joint_forces_do_no_work_in_a_rigid_motion(kind: str, friction: float) -> None:
     joint = some_joint(kind)
     if friction and kind in ("revolute", "prismatic"):
         joint = Joint(kind, 0, 1, joint.first_point, joint.second_point, joint.axis, friction=friction)
@@ -107,7 +107,7 @@ def test_friction_of_a_joint_is_bounded_by_its_moment_times_the_step() -> None:
         ({"kind": "ball", "friction": 1.0}, "no axis for friction"),
     ],
 )
-def test_a_joint_without_sense_is_refused(change: dict[str, Any], words: str) -> None:
+def test_inconsistent_joint_parameters_are_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         Joint(**{"kind": "revolute", "first": 0, **change})
 

@@ -70,7 +70,7 @@ def test_a_joint_that_is_open_at_the_start_is_refused() -> None:
         check_start(joined, start())
 
 
-def test_a_fixed_body_at_no_pose_is_refused() -> None:
+def test_a_fixed_body_with_an_invalid_pose_is_refused() -> None:
     with pytest.raises(ProblemError, match="orientation of a fixed body must be a unit quaternion"):
         FixedBody(HalfSpace(), orientation=(0.0, 0.0, 0.0, 0.0))
     with pytest.raises(ProblemError, match="centre of a fixed body must be finite"):

@@ -233,7 +233,7 @@ def test_directions_that_turn_need_their_rate() -> None:
         simulate(bowl(), start, 0.5)
 
 
-def test_a_slip_that_draws_its_contact_in_is_an_error() -> None:
+def test_painleve_slip_ends_with_an_error() -> None:
     """The rod of the theory page, with μ = 2 and slip against its asymmetry: G_NN − μ |G_NT| < 0 (Painlevé)."""
     root = np.linalg.cholesky(np.array([[1.87577975, -1.36394614], [-1.36394614, 3.12422025]])).T
     rod = constant_system([1.0, 1.0], (-9.81 * root[:, 0]).tolist(), root.tolist(), [2.0], lambda q: root[:, :1].T @ q)
