@@ -1,6 +1,7 @@
 """Files in version control are finished and small."""
 
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -16,9 +17,9 @@ MERGE_MARKER = re.compile(r"^(?:<{7}.*|>{7}.*|={7})$", re.MULTILINE)
 
 @pytest.fixture(scope="module")
 def tracked() -> list[Path]:
-    """Return the existing files in version control; in an unpacked source distribution, tests are skipped."""
-    if not (ROOT / ".git").exists():
-        pytest.skip("this is no git checkout")
+    """Return the existing files in version control; skip in an unpacked source distribution, and without git."""
+    if not (ROOT / ".git").exists() or shutil.which("git") is None:
+        pytest.skip("this is no git checkout, or git is not installed")
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     return [path for name in listed.split("\0") if name and (path := ROOT / name).is_file()]
 

@@ -1,6 +1,7 @@
 """Figures are compared with accepted states; a slower one is found, named, and can be accepted by name."""
 
 import os
+import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -147,6 +148,7 @@ def test_a_figure_that_fails_now_is_an_error(tmp_path: Path, monkeypatch: pytest
         compared(tmp_path, monkeypatch, {"missing": "KeyError: 'a'"}, {"seconds": 5.0})
 
 
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 def test_a_commit_that_the_clone_does_not_hold_is_skipped_in_words(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("pair.pour", lambda folder: None)
