@@ -60,6 +60,7 @@ def _described(file: Path) -> tuple["Survey", dict[str, Any] | None]:
     from ....problems.exchange.survey import survey
     from .capture import engine_quality
 
+    _refuse_other_sources(file)
     found = survey(file)
     if has_step(file):
         step = read_step(file)
@@ -67,6 +68,18 @@ def _described(file: Path) -> tuple["Survey", dict[str, Any] | None]:
     if found.own_solution is None:
         return found, None
     return found, {"own model": found.own_solution, "Coulomb": found.solution}
+
+
+def _refuse_other_sources(file: Path) -> None:
+    """Raise ``ProblemError`` for the name of a problem of the library, or the file of a simulation."""
+    from ....problems.errors import ProblemError
+    from ....problems.exchange.catalog import problem_names
+    from ...simulation.file import is_result
+
+    if not file.exists() and str(file) in problem_names():
+        raise ProblemError(f"{file} is a problem by name, not a file; show it by: proxbench list problems {file}.")
+    if file.suffix == ".npz" and file.exists() and is_result(file):
+        raise ProblemError(f"{file} holds a simulation, not a problem; show it by: proxbench report {file}.")
 
 
 def import_files(

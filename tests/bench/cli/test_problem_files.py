@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from handmade_fclib import W, local_data, rolling_data, write_data
 from proxbench.bench.cli.main import run_command
+from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.run import simulate
 from proxbench.problems import load, read_fclib, save_problem
 
 SHIPPED = Path(__file__).parents[2] / "problems" / "exchange" / "fclib" / "files"
@@ -121,6 +123,10 @@ def test_a_problem_with_the_name_of_a_path_is_exported_under_the_name_of_its_fil
     ("line", "words"),
     [
         ("info none.hdf5", "there is no problem file none.hdf5"),
+        (
+            "info funnel-100",
+            "funnel-100 is a problem by name, not a file; show it by: proxbench list problems funnel-100",
+        ),
         ("info {folder}/cut.hdf5", "cut.hdf5 is damaged or not an FCLIB file"),
         ("info {folder}/deep/../empty", "empty"),
         ("import nosuch {folder}", "'nosuch'"),
@@ -231,3 +237,10 @@ def test_quiet_commands_print_only_the_paths_of_their_files(tmp_path: Path, caps
     imported = tmp_path / "copy.npz"
     assert run_command(["import", "plain", str(problem), "--output", str(imported), "--quiet"]) == 0
     assert capsys.readouterr() == (f"{imported}\n", "")
+
+
+def test_info_refers_from_a_simulation_to_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "ball.npz"
+    simulate(make_simulation_plan("bouncing_ball", duration=0.05), file)
+    assert run_command(["info", str(file)]) == 2
+    assert f"holds a simulation, not a problem; show it by: proxbench report {file}" in capsys.readouterr().err
