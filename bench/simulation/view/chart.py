@@ -159,7 +159,7 @@ def _curve_panel(
     lines = _empty(long[["time", "value", "curve"]])
     panel: alt.Chart = lines.mark_line(strokeWidth=1.5, interpolate="step-before" if steps else "linear").encode(
         x=_time(),
-        y=alt.Y("value:Q", title=title).scale(type=scale).axis(tickCount=4, format="~g"),
+        y=alt.Y("value:Q", title=title).scale(type=scale).axis(tickCount=4, format=".5~g"),
         color=alt.Color("curve:N", sort=order, scale=colours, title=None),
         strokeDash=alt.StrokeDash("curve:N", sort=order, scale=dashes, title=None),
     )
