@@ -59,8 +59,9 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
         for k, accuracy in enumerate(means["accuracy"].unique())
     ]
     common = counted(tried["problem"][tried["common"]].nunique(), "problem")
+    left_out = ", without those with excluded times" if (tried["common"] & ~tried["compared"]).any() else ""
     note = (
-        f"large marks: shifted geometric mean over the {common} that all these solvers support, "
+        f"large marks: shifted geometric mean over the {common} that all these solvers support{left_out}; "
         f"failures count as {duration(limit)}; right: solved and supported problems"
     )
     return _run_chart("Time to accuracy", note, panels, frames, tried)

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from proxbench.bench import load
+from proxbench.bench.report import accuracy
 from proxbench.bench.report.accuracy import summary_table
 from proxbench.bench.report.charts.summary import success_chart, summary_charts, time_chart
 from proxbench.bench.store.outcome import Outcome
@@ -23,11 +24,11 @@ def test_means_and_shares_are_those_of_the_summary_table(finished_run: Path) -> 
     frames = load(finished_run)
     means = {(row["solver"], row["accuracy"]): row for row in rows(time_chart(frames), "reached")}
     for row in summary_table(frames).to_dict("records"):
-        for accuracy in (1e-4, 1e-6):
-            drawn = means[row["solver"], accuracy]
-            assert drawn["milliseconds"] == pytest.approx(1e3 * row[f"mean_time_{accuracy:.0e}"])
+        for level in (1e-4, 1e-6):
+            drawn = means[row["solver"], level]
+            assert drawn["milliseconds"] == pytest.approx(1e3 * row[f"mean_time_{level:.0e}"])
             reached, _, number = drawn["reached"].split()
-            assert int(reached) / int(number) == pytest.approx(row[f"correct_{accuracy:.0e}"])
+            assert int(reached) / int(number) == pytest.approx(row[f"correct_{level:.0e}"])
 
 
 @pytest.mark.slow
@@ -63,3 +64,15 @@ def test_a_run_without_a_common_problem_has_times_and_no_means(finished_run: Pat
 def test_nothing_is_drawn_where_nothing_is_supported(finished_run: Path) -> None:
     frames = load(finished_run)
     assert summary_charts(replace(frames, cases=frames.cases.assign(outcome=Outcome.UNSUPPORTED))) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("excludes", [False, True])
+def test_the_note_says_whether_problems_with_excluded_times_are_left_out(
+    excludes: bool, finished_run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames = load(finished_run)
+    case = (frames.cases["problem"].iloc[0], frames.cases["solver"].iloc[0])
+    monkeypatch.setattr(accuracy, "excluded_cases", lambda *_: {case} if excludes else set())
+    lines = time_chart(frames).to_dict()["title"]["subtitle"]
+    assert ("without those with excluded times" in " ".join(lines)) == excludes
