@@ -70,8 +70,8 @@ LEFT_OUT = re.compile(
 )
 """Operators without an effect, such as unions of types, and implausible mistakes with numbers."""
 
-TEST_SECONDS = 20
-"""Time limit of one test without its fixtures [s]; slower ones are skipped."""
+TEST_SECONDS = 20.0
+"""Default time limit of one test without its fixtures [s]; slower ones are skipped."""
 
 MAX_SLOWDOWN = 5.0
 """Time of all tests with a change, relative to the time without it, from which they time out."""
@@ -93,23 +93,25 @@ class Tests:
     Attributes:
         folders: the mirrored folder, then wider ones.
         is_compiled: whether numba may compile; false if a module has its own kernels.
+        seconds: time limit of each test without its fixtures [s].
     """
 
     folders: tuple[str, ...]
     is_compiled: bool
+    seconds: float
 
     @staticmethod
-    def of(module: Path) -> "Tests":
+    def of(module: Path, seconds: float) -> "Tests":
         """Return the tests of the folder of a module."""
         folder = Path("tests") / module.parent
         while not folder.is_dir():
             folder = folder.parent
         wider = [path for room, paths in WIDER.items() if module.is_relative_to(room) for path in paths]
-        return Tests(tuple(dict.fromkeys([str(folder), *wider])), "njit" not in module.read_text())
+        return Tests(tuple(dict.fromkeys([str(folder), *wider])), "njit" not in module.read_text(), seconds)
 
     def arguments(self, *options: str) -> list[str]:
         """Return the arguments with which pytest runs them."""
-        timing = (f"--timeout={TEST_SECONDS}", "-o", "timeout_func_only=true", "-o", "junit_duration_report=call")
+        timing = (f"--timeout={self.seconds}", "-o", "timeout_func_only=true", "-o", "junit_duration_report=call")
         fixed = ("-q", "-p", "no:cacheprovider", "-m", "not slow", *timing)
         return [*fixed, *options, *self.folders]
 
@@ -173,7 +175,7 @@ def measured_baseline(tests: Tests) -> Baseline:
     left_out = [
         f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"
         for case in ElementTree.parse(report).iter("testcase")
-        if float(case.get("time", 0.0)) > TEST_SECONDS / 2
+        if float(case.get("time", 0.0)) > tests.seconds / 2
         or any(case.find(tag) is not None for tag in ("failure", "error"))
     ]
     report.unlink()
@@ -218,13 +220,13 @@ def sampled(every: list[Any], sample: int | None, seed: int) -> list[Any]:
     return [chance.choice(places[place]) for place in chance.sample(sorted(places), min(sample, len(places)))]
 
 
-def is_noticed(mutation: Any, baselines: dict[Tests, Baseline]) -> tuple[bool, str]:
+def is_noticed(mutation: Any, test_seconds: float, baselines: dict[Tests, Baseline]) -> tuple[bool, str]:
     """Return whether the tests notice a change, and the change as a patch."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
     module = mutation.module_path
-    tests = Tests.of(module)
+    tests = Tests.of(module, test_seconds)
     if tests not in baselines:
         baselines[tests] = measured_baseline(tests)
         print(f"without {len(baselines[tests].left_out)} tests: {', '.join(tests.folders)}", flush=True)
@@ -249,6 +251,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("rooms", nargs="*", default=ROOMS, help="folders or files to change")
     parser.add_argument("--sample", type=int, default=None, help="places of each room, chosen at random; all without")
     parser.add_argument("--seed", type=int, default=0, help="of the choice")
+    parser.add_argument("--test-seconds", type=float, default=TEST_SECONDS, help="time limit of one test [s]")
     given = parser.parse_args(arguments)
     sys.dont_write_bytecode = True  # a change within a second keeps the time of a file
     known = [json.loads(line) for line in RESULTS.read_text().splitlines()] if RESULTS.exists() else []
@@ -259,7 +262,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for mutation in sorted(chosen, key=lambda one: (str(one.module_path), one.start_pos)):
             key = f"{mutation.module_path}:{mutation.start_pos[0]} {mutation.operator_name} {mutation.occurrence}"
             if not found.get(key, {}).get("is_noticed"):  # unnoticed changes may have a new test
-                noticed, diff = is_noticed(mutation, baselines)
+                noticed, diff = is_noticed(mutation, given.test_seconds, baselines)
                 found[key] = {"key": key, "is_noticed": noticed, "diff": diff}
                 with RESULTS.open("a") as file:
                     file.write(json.dumps(found[key]) + "\n")

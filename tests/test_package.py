@@ -98,6 +98,7 @@ def test_importing_loads_no_more_than_it_needs(module: str, heavy: set[str]) -> 
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 def test_importing_the_run_of_benchmarks_loads_no_kernel() -> None:
     code = """
 import gc, proxbench.bench.runs

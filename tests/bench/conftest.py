@@ -1,6 +1,8 @@
 """Shared fixtures: a small finished run, and invalid command lines."""
 
+import fcntl
 import os
+import shutil
 from collections.abc import Callable, Generator
 from pathlib import Path
 
@@ -26,17 +28,33 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 
 @pytest.fixture(scope="session")
 def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of five solvers on three problems at three tolerances, some of them faulty."""
+    """Return a copy of a run of five solvers on three problems at three tolerances, some of them faulty.
+
+    The first process of pytest-xdist that needs the run measures it for all of them.
+    """
+    is_one_of_several = "PYTEST_XDIST_WORKER" in os.environ
+    base = tmp_path_factory.getbasetemp().parent if is_one_of_several else tmp_path_factory.getbasetemp()
+    shared, own = base / "results" / "little", tmp_path_factory.mktemp("results") / "little"
+    with (base / "results.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not shared.exists():
+            shared.parent.mkdir()
+            _measure(own).rename(shared)
+    shutil.copytree(shared, own)
+    return own
+
+
+def _measure(folder: Path) -> Path:
     with pytest.MonkeyPatch.context() as patch:  # claims a core even while other tests have claimed all of them
         patch.setattr("proxbench.bench.measure.measuring_core.CLAIM", f"test-{os.getpid()}")
         return run(
             problems=["hard-counterexample", "hard-immovable", "funnel-30"],
             solvers=["SORprox(relaxation=0.5)", "SORprox", "ClarabelSOCP", Misbehaving("lie"), Misbehaving("raise")],
-            results=tmp_path_factory.mktemp("results"),
-            run_id="little",
+            results=folder.parent,
+            run_id=folder.name,
             tolerances=[1e-2, 1e-4, 1e-6],
             solve_seconds=2.0,
-            passes=2,
+            passes=1,
         ).folder
 
 

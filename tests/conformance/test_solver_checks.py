@@ -51,7 +51,7 @@ def _forgotten() -> Iterator[None]:
         ("coarse when observed", "observed", "differs from the unobserved one"),
         ("cold", "warm start", "begin from start"),
         ("no limit", "iteration limit", "but max_iterations was 1"),
-        ("late", "time limit", "took 1."),
+        pytest.param("late", "time limit", "took 1.", marks=pytest.mark.slow),
         ("knows metres only", "units", "but in micrometres and milligrams its status is stalled"),
         ("infeasible in doubt", "hard stacks", "has a solution, but is reported as infeasible"),
         ("absolute", "hard stacks", "claims to have solved hard-stack-"),

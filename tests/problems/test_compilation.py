@@ -64,6 +64,7 @@ def test_long_compilation_is_announced_once_on_standard_error(
     assert done.stdout.split() == ["True", "True"]
 
 
+@pytest.mark.slow
 def test_processes_of_one_fork_server_announce_compilation_once_on_its_standard_error() -> None:
     code = """
 import os
@@ -94,6 +95,7 @@ print(COMPILATION.kernels)
     assert _run_on_an_empty_cache(code) == ["0"]
 
 
+@pytest.mark.slow
 def test_listing_compiles_nothing_and_loads_no_generated_problem(tmp_path: Path) -> None:
     save_problem(load("hard-groove"), tmp_path / "bodies-box-sticking.npz")
     code = f"""
@@ -123,6 +125,7 @@ print(solve(ContactProblem.from_delassus(np.eye(1), -np.ones(1), dim=1)).status,
     assert int(kernels) <= MAX_SWEEP_KERNELS
 
 
+@pytest.mark.slow
 def test_interpreted_kernels_do_not_change_a_bit_of_a_solution_or_a_verdict() -> None:
     code = """
 from proxbench import judge, load, solve
@@ -186,6 +189,7 @@ def test_deferred_kernels_are_used_where_nothing_is_interpreted_and_else_after_m
     assert interprets_kernels(others.should_use)()  # they are already compiled
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
 def test_deferred_kernels_are_loaded_early_if_they_are_in_the_cache(tmp_path: Path) -> None:
     (tmp_path / "doubling.py").write_text(

@@ -5,10 +5,12 @@ import json
 from pathlib import Path
 
 import proxbench.bench
+import pytest
 
 PACKAGES = Path(proxbench.bench.__file__).parents[1]
 
 
+@pytest.mark.slow
 def test_pickle_and_exec_are_used_only_in_the_listed_modules() -> None:
     """A run reads only JSON, arrays and Python literals; it sends pickles to its cases, but accepts none from them."""
     pickling = {

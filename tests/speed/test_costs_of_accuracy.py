@@ -45,6 +45,7 @@ def test_the_least_thickness_in_motion_is_that_of_the_equilibrium() -> None:
     assert all(motion.time == pytest.approx(1.0) for motion in motions if motion.largest <= FALLEN)
 
 
+@pytest.mark.slow
 def test_a_coarse_tolerance_lets_an_arch_fall_that_stands() -> None:
     arch = Arch(7, 1.02 * least_thickness(7))
     moved = [
@@ -114,6 +115,7 @@ def test_a_pile_of_boxes_has_more_rows_than_its_rank_and_spends_part_of_its_time
     assert 0.0 < found["detection"] < 1.0
 
 
+@pytest.mark.slow
 def test_without_projection_a_linkage_conserves_its_energy_and_with_it_the_error_is_larger() -> None:
     rows = list(linkages((10, 200), 5e-3))
     assert [(row["scene"], row["projection"]) for row in rows][:2] == [("pendulum", "without"), ("pendulum", "with")]

@@ -60,6 +60,7 @@ def test_an_unwritable_output_is_named(capsys: pytest.CaptureFixture[str], tmp_p
         assert "cannot write" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_run_prints_its_tables_and_says_where_the_files_are(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

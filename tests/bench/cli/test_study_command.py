@@ -130,6 +130,7 @@ def test_a_run_over_contact_problems_is_no_simulation_to_resume(
     assert sorted(folder.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_a_study_in_which_nothing_moves_warns(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     ladder = {"Moreau with SORprox": (2e-3,)}
     for scene, moves in (("stack", False), ("sliding_sphere", True)):

@@ -61,7 +61,12 @@ def carried_out(action: str) -> Case:
         ("sleep", Outcome.TIMEOUT, "its 1 s"),
         ("spin", Outcome.TIMEOUT, "its 1 s"),
         ("allocate", Outcome.OUT_OF_MEMORY, "256 MiB"),
-        ("allocate for ever", Outcome.OUT_OF_MEMORY, "it used all its 256 MiB of memory and did not end in time"),
+        pytest.param(
+            "allocate for ever",
+            Outcome.OUT_OF_MEMORY,
+            "it used all its 256 MiB of memory and did not end in time",
+            marks=pytest.mark.slow,
+        ),
         ("allocate in c", Outcome.OUT_OF_MEMORY, "when its 256 MiB of memory were full"),
         ("fail to factorise", Outcome.OUT_OF_MEMORY, "no room for the factor when it requested more than 256 MiB"),
         ("die", Outcome.CRASHED, "killed by SIGKILL"),
@@ -213,6 +218,7 @@ def test_processes_of_cases_load_no_cached_kernel_after_the_server_has_loaded_al
     assert _kernels_to_load() == 0
 
 
+@pytest.mark.slow
 def test_the_server_has_ended_when_its_process_has() -> None:
     start = "fork_server._server = fork_server._ServerClient(); print(fork_server._server._process.pid)"
     program = f"from proxbench.bench.isolation import fork_server; {start}"
@@ -228,6 +234,7 @@ def test_no_server_is_started_to_load_kernels(new_server: None) -> None:
     assert fork_server._server is None
 
 
+@pytest.mark.slow
 def test_the_server_loads_the_solvers_that_cases_name_and_no_others(new_server: None) -> None:
     assert _loaded_solvers(()) == set()
     assert "PyramidPGS" in _loaded_solvers(("PyramidPGS",))

@@ -77,6 +77,7 @@ def test_a_fault_is_an_error_of_that_solve_and_the_next_request_has_a_fresh_proc
             assert solver.supports(problem) is None
 
 
+@pytest.mark.slow
 def test_a_solver_that_hangs_is_ended_in_time() -> None:
     with (
         RemoteSolver(solver_spec(Misbehaving("sleep")), seconds=2.0) as solver,

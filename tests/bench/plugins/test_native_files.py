@@ -50,7 +50,7 @@ FAULTS = (
     ("faulty", "crash", Outcome.CRASHED, "SIGSEGV"),
     ("faulty", "exit", Outcome.CRASHED, "exit code 7"),
     ("faulty", "license", Outcome.CRASHED, "exit code 4; the last line of its output is 'license \ufffdexpired'"),
-    ("faulty", "hang", Outcome.TIMEOUT, "longer than"),
+    pytest.param("faulty", "hang", Outcome.TIMEOUT, "longer than", marks=pytest.mark.slow),
     ("faulty", "overrun", Outcome.MISBEHAVED, "wrote beyond the 10 impulses"),
     ("faulty", "short", Outcome.MISBEHAVED, "not finite"),
     ("faulty", "status", Outcome.MISBEHAVED, "returned status 99"),
@@ -58,7 +58,7 @@ FAULTS = (
     ("program", "exit", Outcome.CRASHED, "ended with exit code 3"),
     ("program", "license", Outcome.CRASHED, "with exit code 1; it wrote 'license \ufffdexpired' to standard error"),
     ("program", "crash", Outcome.CRASHED, "killed by signal 11"),
-    ("program", "hang", Outcome.TIMEOUT, "longer than"),
+    pytest.param("program", "hang", Outcome.TIMEOUT, "longer than", marks=pytest.mark.slow),
     ("program", "garbage", Outcome.MISBEHAVED, "does not begin an answer"),
     ("program", "short", Outcome.MISBEHAVED, "impulses of shape (9,)"),
     ("program", "long", Outcome.MISBEHAVED, "impulses of shape (11,)"),
@@ -142,6 +142,7 @@ def test_a_program_that_ends_at_its_start_is_refused_with_its_own_words(program:
         solver_spec(name_of(program, "unlicensed"))
 
 
+@pytest.mark.slow
 def test_a_library_that_hangs_when_it_is_loaded_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = tmp_path / "hang.c"
     source.write_text(

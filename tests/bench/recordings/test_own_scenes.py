@@ -34,6 +34,7 @@ def test_a_recording_of_an_own_scene_draws_its_balls_and_surfaces(recorded: Call
     assert content.static("/scene/surfaces/0", "Mesh3D:vertex_positions") is not None
 
 
+@pytest.mark.slow
 def test_a_recording_of_an_own_scene_draws_its_rigid_bodies_and_joints(recorded: Callable[[str], Any]) -> None:
     content = recorded("wiper")
     places = content.over_time("/scene/bodies/0", "InstancePoses3D:translations")

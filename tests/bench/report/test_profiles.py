@@ -89,6 +89,7 @@ def subtitle(chart: Any) -> str:
     return " ".join(chart.title.subtitle)
 
 
+@pytest.mark.slow
 def test_charts_say_which_problems_shares_are_of(declined: RunFrames) -> None:
     tables = profile_tables(declined, "SORprox")
     for view, title, axis in (

@@ -53,6 +53,7 @@ def test_a_narrow_outlet_jams_and_says_so(jam: Simulation) -> None:
     assert summary(jam)["ended"] == "jammed"
 
 
+@pytest.mark.slow
 def test_jammed_pile_does_not_move(jam: Simulation) -> None:
     """For another half second from the same state, nothing passes, and no ball moves by a hundredth of its radius."""
     plan, state = jam.plan, jam.state

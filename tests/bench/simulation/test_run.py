@@ -203,6 +203,7 @@ def test_an_interruption_in_a_recorder_leaves_whole_steps_in_the_file(pour: Pour
     assert_same_bits(resume_simulation(tmp_path / "a.npz"), simulate(pour()))
 
 
+@pytest.mark.slow
 def test_numerical_libraries_use_one_thread_during_a_simulation_only(pour: Pour) -> None:
     """Otherwise the bits of long sums, and the processor time of steps, depend on the number of cores."""
 
@@ -294,7 +295,8 @@ def test_memory_that_does_not_suffice_for_a_step_and_the_states_is_named_before_
         assert simulate_with(least, output) == 10
 
 
-@pytest.mark.parametrize("options", [pytest.param({}, marks=pytest.mark.slow), {"planar": True}])
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [{}, {"planar": True}])
 def test_a_settled_heap_has_the_rows_whose_memory_is_required_before_its_first_step(options: dict[str, object]) -> None:
     plan = make_simulation_plan("pile", {"balls": 100, **options}, stepper="Moreau(step=1e-3)", duration=1.0)
     step = bare_rule(plan).step(simulate(plan).state)

@@ -22,6 +22,7 @@ def pecking() -> Simulation:
     return simulate(make_simulation_plan("woodpecker", {"start": "cycle"}, duration=2.8 * PERIOD))
 
 
+@pytest.mark.slow
 def test_complete_periods_have_the_incidents_of_the_published_table(pecking: Simulation) -> None:
     motion = periods(pecking)
     assert len(motion.cycles) == 2

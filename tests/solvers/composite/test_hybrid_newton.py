@@ -52,6 +52,7 @@ def test_known_answers_are_met(name: str) -> None:
     assert judge(problem, solution.impulses).velocity_error <= 1e-10  # type: ignore[operator]
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, friction=st.sampled_from([0.0, 0.3, 1.0]), spread=st.sampled_from([0, 6]))
 def test_planar_velocities_are_among_those_of_enumeration(seed: int, friction: float, spread: int) -> None:

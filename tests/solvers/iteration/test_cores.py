@@ -57,6 +57,7 @@ def test_the_limit_holds_until_the_last_of_several_threads_leaves(before: list[i
     assert threads() == before
 
 
+@pytest.mark.slow
 def test_a_library_that_methods_import_later_uses_one_thread_too() -> None:
     program = """
 import sys

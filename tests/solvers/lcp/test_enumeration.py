@@ -9,6 +9,7 @@ from proxbench.problems.hard import HARD_CASES, hard_case
 from proxbench.solvers import Status, Stop, create, solve
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 4), friction=st.floats(0.0, 0.4))
 def test_the_solution_of_projected_gauss_seidel_is_enumerated(seed: int, n: int, friction: float) -> None:
@@ -35,6 +36,7 @@ def test_the_woodpecker_agrees_in_velocity_with_projected_gauss_seidel_and_the_c
             assert np.abs(difference).max() <= 1e2 * tolerance * speed
 
 
+@pytest.mark.slow
 def test_on_hard_cases_claims_are_true_and_refusals_have_reasons() -> None:
     untrue, unsaid = {}, {}
     for problem in map(hard_case, HARD_CASES):

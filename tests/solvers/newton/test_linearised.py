@@ -66,6 +66,7 @@ def matrix_of(system: linearised.LinearSystem) -> np.ndarray:
     return system.matrix if isinstance(system.matrix, np.ndarray) else system.matrix.toarray()
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(seed=st.integers(0, 2**31), size=st.sampled_from([0.02, 0.1, 1.0]), dense=st.booleans())
 def test_it_is_the_derivative_by_differences(seed: int, size: float, dense: bool) -> None:

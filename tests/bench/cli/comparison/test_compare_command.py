@@ -18,6 +18,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, str]:
     return str(folders[0]), str(folders[1]), str(folders[2])
 
 
+@pytest.mark.slow
 def test_the_exit_code_is_that_of_the_conditions(
     runs: tuple[str, str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:

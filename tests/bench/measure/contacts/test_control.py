@@ -63,6 +63,7 @@ def controls(request: pytest.FixtureRequest) -> Iterator[Controls]:
     made.close()
 
 
+@pytest.mark.slow
 def test_a_solver_that_caches_solutions_misbehaves_and_both_times_are_given() -> None:
     problem = load("funnel-1000")  # ten milliseconds, far above any noise
     controls = Controls(problem, warm_up_data(problem), solver_spec(Wrapped("remember")), LIMITS)
@@ -78,6 +79,7 @@ def test_a_solver_that_compiles_on_its_way_is_not_accused(controls: Controls) ->
     assert controls.first_solves(STOP, 1e-3, lambda: 1e-2)[-1].timed.status is Status.SOLVED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controls", [Wrapped("load", directions(PROBLEM))], indirect=True)
 def test_a_solver_that_loads_a_kernel_on_the_problem_alone_is_not_accused(controls: Controls) -> None:
     solver = Wrapped("load", directions(PROBLEM))
@@ -98,6 +100,7 @@ def test_the_impulses_of_a_first_solve_are_those_of_the_problem(controls: Contro
         assert found.impulses.tobytes() == expected.impulses.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controls", [Wrapped()], indirect=True)
 def test_a_copy_is_solved_once_if_it_takes_about_as_long_as_the_problem(controls: Controls) -> None:
     assert len(controls.copies(STOP, 1.0, never)) == 1

@@ -60,6 +60,7 @@ def test_a_warm_case_takes_the_iterations_of_the_solver_from_its_own_answers(fra
     assert cold["step-0"] == create("SORprox").prepare(steps[0]).solve(stop).iterations
 
 
+@pytest.mark.slow
 def test_a_warm_case_has_the_digest_of_its_start_and_a_cold_one_has_none(frames: object) -> None:
     cases = frames.cases.set_index(["solver", "problem"])["start"]  # type: ignore[attr-defined]
     steps = steps_of_a_sequence()

@@ -73,6 +73,7 @@ def test_two_workers_of_which_one_is_killed_measure_what_one_machine_does(tmp_pa
     assert rejudge(bundle(swept, tmp_path / "swept.bundle")).disagreements == []
 
 
+@pytest.mark.slow
 def test_an_unreachable_cluster_is_reported_in_one_sentence(
     mistake: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

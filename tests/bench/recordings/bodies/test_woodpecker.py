@@ -34,6 +34,7 @@ def period(tmp_path_factory: pytest.TempPathFactory, record: Callable[..., None]
     return file, steps
 
 
+@pytest.mark.slow
 def test_sleeve_and_bird_move_as_computed(period: tuple[Path, list[Step]], read_back: Callable[[Path], Any]) -> None:
     content, last = read_back(period[0]), period[1][-1].state.position
     heights = content.over_time("/scene/bodies/sleeve", "Transform3D:translation")

@@ -10,6 +10,7 @@ from proxbench.bench.errors import BenchError
 REFERENCE = Path(__file__).parents[4] / "results/reference.bundle"
 
 
+@pytest.mark.slow
 def test_a_problem_is_drawn_by_name() -> None:
     chart = json.loads(load(REFERENCE).plot("funnel-100").to_json())
     assert chart["title"]["text"] == "funnel-100"
@@ -25,6 +26,7 @@ def test_a_profile_is_drawn_by_kind(kind: str, title: str) -> None:
     assert json.loads(load(REFERENCE).plot_profile(kind, "NSGS").to_json())["title"]["text"] == title
 
 
+@pytest.mark.slow
 def test_unknown_names_are_refused_with_the_nearest_one() -> None:
     run = load(REFERENCE)
     with pytest.raises(BenchError, match="did you mean 'funnel-100'"):

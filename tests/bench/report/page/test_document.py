@@ -70,6 +70,7 @@ def test_residuals_compare_with_accuracies_as_the_exact_ones() -> None:
         assert reached == [value is not None for value in seconds]
 
 
+@pytest.mark.slow
 def test_cases_have_the_times_claims_and_exclusions_of_the_tables() -> None:
     frames = load(REFERENCE)
     document = page_document(frames, "NSGS")
@@ -96,6 +97,7 @@ def test_variables_of_the_environment_are_in_a_table_apart_from_versions() -> No
         assert dict(tables["Versions"]) == machine.versions
 
 
+@pytest.mark.slow
 def test_the_page_opens_a_problem_with_something_to_draw() -> None:
     frames = load(REFERENCE)
     first = frames.info.plan.problems[0]
@@ -171,6 +173,7 @@ def test_text_of_a_run_cannot_close_its_html_element() -> None:
     assert hostile in json.loads(embedded[1])["cases"]["stderr"]
 
 
+@pytest.mark.slow
 def test_the_page_refers_to_nothing_outside(quick: str) -> None:
     own = quick[: quick.index('<script type="application/json"')]
     assert not re.search(r"\b(src|href)=\"(?!#)|@import|url\(", own)

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 
+import pytest
 from proxbench.problems.contact.matrices.accurate import _fused_product
 
 JUDGED = """
@@ -26,6 +27,7 @@ def output(**environment: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_the_judge_finds_the_same_numbers_without_compilation() -> None:
     assert output(NUMBA_DISABLE_JIT="1") == output(NUMBA_DISABLE_JIT="0")
 

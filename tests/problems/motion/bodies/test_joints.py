@@ -57,6 +57,7 @@ def hinge_error(state: State) -> float:
     return float(np.hypot(x - LENGTH * sin(angle), y + LENGTH * cos(angle)))
 
 
+@pytest.mark.slow
 def test_a_pendulum_on_a_hinge_swings_and_bounces_as_in_closed_form() -> None:
     """Energy is constant up to the stop, where the spin reverses and e² of the energy remains. Errors fall with Δt."""
     errors = []

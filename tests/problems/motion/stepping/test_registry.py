@@ -119,6 +119,7 @@ def test_a_fixed_step_is_one_solve_and_has_no_switching_points() -> None:
         assert not step.switches
 
 
+@pytest.mark.slow
 def test_the_event_driven_reference_returns_to_the_section_more_accurately_than_time_stepping() -> None:
     """Its error is the rounding of the 45-digit limit cycle to doubles; time stepping is limited by its tolerance."""
     reference = followed("EventDriven", "woodpecker(start='cycle')", PERIOD, "Enumeration")

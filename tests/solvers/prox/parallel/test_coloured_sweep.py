@@ -19,6 +19,10 @@ from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates, Col
 from proxbench.solvers.prox.parallel.team import Team, _Member
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
+PLANAR = pytest.param("funnel-planar-100", marks=pytest.mark.slow)
+FRICTIONLESS = pytest.param("funnel-frictionless-100", marks=pytest.mark.slow)
+"""Problems with one or two rows a contact, whose kernels take seconds to compile."""
+
 
 def chains(has_hub: bool) -> ContactProblem:
     """Return random contacts between the bodies of twenty chains; with a hub, every other body touches body 0, too."""
@@ -68,7 +72,7 @@ def swept(problem: ContactProblem, threads: int, momentum: float, counts: tuple[
 
 
 @pytest.mark.parametrize("momentum", [0.0, 0.65])
-@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100", "balls"])
+@pytest.mark.parametrize("name", ["funnel-300", PLANAR, FRICTIONLESS, "balls"])
 def test_any_number_of_threads_gives_the_same_bits(name: str, momentum: float, monkeypatch: pytest.MonkeyPatch) -> None:
     used = []
     use_threads_for_small_problems(monkeypatch)
@@ -136,9 +140,7 @@ def test_late_or_missing_threads_do_not_change_the_result(
         assert swept(problem, threads, 0.65) == alone
 
 
-@pytest.mark.parametrize(
-    "name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-30", "hard-sticking-box", "balls", "hub", "parts"]
-)
+@pytest.mark.parametrize("name", ["funnel-300", PLANAR, FRICTIONLESS, "hard-sticking-box", "balls", "hub", "parts"])
 @pytest.mark.parametrize(("momentum", "delay"), [(0.0, 0.0), (0.5, 0.0), (0.5, 4.0)])
 @pytest.mark.parametrize("size", [8, slabs.MIN_SLAB])
 def test_a_sweep_is_that_of_sorprox_over_the_contacts_in_the_order_of_slabs(
@@ -169,7 +171,7 @@ def test_threads_that_would_wait_for_the_largest_slab_are_not_used(monkeypatch: 
         assert ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 2).threads == threads
 
 
-@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "funnel-frictionless-100", "balls"])
+@pytest.mark.parametrize("name", ["funnel-300", PLANAR, FRICTIONLESS, "balls"])
 def test_the_velocity_is_that_of_the_impulses(name: str) -> None:
     problem = problem_of(name)
     iterates = ColouredIterates(
@@ -183,7 +185,7 @@ def test_the_velocity_is_that_of_the_impulses(name: str) -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 3])
-@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "balls"])
+@pytest.mark.parametrize("name", ["funnel-300", PLANAR, "balls"])
 def test_the_residual_of_a_window_is_that_of_its_impulses(
     name: str, threads: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -213,6 +215,7 @@ def test_an_impulse_that_is_not_a_number_has_no_finite_residual() -> None:
     assert not impulses_and_residual(ColouredIterates(sweep, start, 0.0), Residual(problem))[1] < np.inf
 
 
+@pytest.mark.slow
 def test_the_solution_without_friction_is_that_of_newton_steps() -> None:
     """Without friction ξ is unique, whatever the order of the contacts."""
     problem = load("funnel-frictionless-100")
@@ -234,7 +237,7 @@ def test_the_solution_without_friction_is_that_of_newton_steps() -> None:
         assert np.abs(velocity - expected).max() <= 1e-7 * np.abs(problem.free_velocity).max()
 
 
-@pytest.mark.parametrize("name", ["funnel-300", "funnel-planar-100", "bodies-stack-10", "hard-sticking-box", "balls"])
+@pytest.mark.parametrize("name", ["funnel-300", PLANAR, "bodies-stack-10", "hard-sticking-box", "balls"])
 def test_the_judge_confirms_what_is_solved(name: str) -> None:
     problem = problem_of(name)
     solution = solve(

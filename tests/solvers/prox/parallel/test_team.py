@@ -172,6 +172,7 @@ def test_a_solve_leaves_no_thread_running(monkeypatch: pytest.MonkeyPatch) -> No
     assert max(during) == before + 1
 
 
+@pytest.mark.slow
 def test_threads_that_wait_at_the_end_of_a_process_do_not_delay_it() -> None:
     """They wait for the lock of the interpreter, which the process never releases."""
     program = """

@@ -192,6 +192,7 @@ def test_problems_of_few_bodies_are_solved_again(monkeypatch: pytest.MonkeyPatch
     assert measure_setting("incline-rest", "proxbench", "1e-2, long step").solved_residual is None
 
 
+@pytest.mark.slow
 def test_proxbench_solves_each_step_to_its_tolerance() -> None:
     description = describe("pile")
     engine = build("proxbench", description, Setting("1e-3", 1.0, {"tolerance": 1e-3}))

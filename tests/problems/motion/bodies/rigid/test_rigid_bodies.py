@@ -163,6 +163,7 @@ def test_an_asymmetric_top_converges_with_the_second_order_and_keeps_its_angular
     np.testing.assert_allclose(momenta[1], momenta[0], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_angular_momentum_in_space_stays_within_a_bound_of_second_order_over_many_steps() -> None:
     """The body tumbles over forty times; a drift would grow with the time, not fall with Δt²."""
     system = RigidBodies([BOX], np.ones(1), inertias=np.array([[1.0, 2.0, 3.0]]), is_gyroscopic=True)

@@ -76,6 +76,7 @@ def test_boxes_in_a_drum_climb_and_slump_at_angles_of_repose() -> None:
     assert np.diff(slopes[200:]).min() < 0.0 < np.diff(slopes[200:]).max()
 
 
+@pytest.mark.slow
 def test_boxes_stick_together_and_turn_with_the_drum_until_they_slump() -> None:
     """At first the slope grows with the speed of the drum, once the boxes are at rest relative to it."""
     drum = RotatingDrum(6, edge=0.02, layers=1, friction=0.8)

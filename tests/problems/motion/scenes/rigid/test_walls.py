@@ -32,6 +32,7 @@ def test_a_wall_stands_unstruck_whatever_its_friction(friction: float) -> None:
         assert wall.moved(step.state) <= 1e-9
 
 
+@pytest.mark.slow
 def test_a_struck_wall_loses_bricks_and_its_energy_never_grows() -> None:
     wall = BrickWall(rows=4, columns=3)
     system, start = wall.system(), wall.start()

@@ -61,6 +61,7 @@ def test_the_woodpecker_comes_back_to_the_section_lower_by_its_descent() -> None
         assert event.state.velocity == pytest.approx(section.velocity, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_time_stepping_converges_to_it_from_the_published_start() -> None:
     """No other reference is known away from the cycle, over twelve events; single errors are erratic."""
     until, errors = 0.13, []
