@@ -11,7 +11,6 @@ import nox
 nox.options.sessions = ["tests", "lint", "types"]
 nox.options.reuse_existing_virtualenvs = True
 
-PACKAGES = ("problems", "solvers", "bench")
 STYLE = ("ruff>=0.11",)
 MUTATING = ("cosmic-ray>=8.4", "pytest-timeout>=2.3")
 PROGRAMS = tuple(f"tests/speed/{name}.py" for name in ("contestants", "figures", "known_solvers", "pair"))
@@ -19,16 +18,9 @@ TYPING = ("mypy>=1.15", "scipy-stubs", "pandas-stubs", "types-psutil")
 
 
 def _keep_compiled_kernels(session: nox.Session) -> None:
-    """Let numba keep compiled kernels in the session's folder for as long as no source file changes.
-
-    It knows a kernel by the time of its file, which installing renews, and does not look at files that it calls into.
-    So all installed files get the time of the one that was changed last.
-    """
+    """Let numba keep compiled kernels in the folder of the session, which finds those with unchanged sources again."""
     environment = Path(session.virtualenv.location)
     session.env["NUMBA_CACHE_DIR"] = os.environ.get("NUMBA_CACHE_DIR", str(environment / "numba"))
-    changed = max(path.stat().st_mtime_ns for package in PACKAGES for path in Path(package).rglob("*.py"))
-    for installed in environment.glob("lib/python*/site-packages/proxbench/**/*.py"):
-        os.utime(installed, ns=(changed, changed))
 
 
 def _share_compiled_kernels(session: nox.Session, other: str) -> None:

@@ -1,6 +1,6 @@
 """Contact problems, their force laws, the judge, scenes and time stepping."""
 
-from . import compilation as _compilation  # noqa: F401  registers the notice
+from . import compilation as _compilation  # noqa: F401  before the first kernel is defined
 from .capture.step import from_mujoco
 from .contact.answer import Answer
 from .contact.judge import Verdict, judge

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ..problems.compilation import interprets_kernels
+from ..problems.compilation.interpretation import interprets_kernels
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solution, Solver, SolverError, Status, Stop, starts_from_last_answer
 from ..problems.errors import suggestion

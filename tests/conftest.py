@@ -22,7 +22,7 @@ settings.load_profile({"full": "full", "hunt": "hunt"}.get(os.environ.get("PROXB
 
 def pytest_sessionstart() -> None:
     """Suppress the notice of compilation, which the first test to compile a kernel would print."""
-    from proxbench.problems.compilation import COMPILATION
+    from proxbench.problems.compilation.notice import COMPILATION
 
     COMPILATION.silence()
 

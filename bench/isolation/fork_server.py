@@ -16,7 +16,8 @@ import threading
 from dataclasses import dataclass
 from importlib import import_module
 
-from ...problems.compilation import COMPILATION, load_cached_kernels
+from ...problems.compilation.cached_kernels import load_cached_kernels
+from ...problems.compilation.notice import COMPILATION
 from .child import Assignment
 from .pipe import is_readable, read_message, write_message
 from .process_tree import send_signal

@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray, read_only
-from ..compilation import interpretable
+from ..compilation.interpretation import interpretable
 from .laws import BALL, HALF_LINE, LINE, Laws
 
 

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
-from ..compilation import interpretable
+from ..compilation.interpretation import interpretable
 from .laws import HALF_LINE, LINE
 from .matrices.pieces import Pieces
 from .problem import ContactProblem
@@ -84,7 +84,7 @@ def _touched_bodies(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _coupled_contacts(indptr, indices, data, root, contact_of_row):  # type: ignore[no-untyped-def]
     """Return, for each row of G, the contacts of entries above rounding level: |g_ij| > ROUNDING √(g_ii g_jj)."""
     starts, bodies = np.zeros(len(indptr), dtype=np.int64), np.empty(len(data), dtype=np.int64)
@@ -99,7 +99,7 @@ def _coupled_contacts(indptr, indices, data, root, contact_of_row):  # type: ign
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _touched_rows(first, chunks, values, idle):  # type: ignore[no-untyped-def]
     """Return, for each contact, the rows of W̃ in which it has an entry."""
     width, length = values.shape[1], values.shape[2]
@@ -120,7 +120,7 @@ def _touched_rows(first, chunks, values, idle):  # type: ignore[no-untyped-def]
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def components_over_matrix(indptr, indices, data, diagonal, contact_of_row, partner):  # type: ignore[no-untyped-def]
     """Return the component of each contact if only G is known."""
     starts, bodies = _coupled_contacts(indptr, indices, data, np.sqrt(diagonal), contact_of_row)
@@ -128,14 +128,14 @@ def components_over_matrix(indptr, indices, data, diagonal, contact_of_row, part
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def components_over_pieces(first, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
     """Return the component of each contact if the factors are known."""
     starts, bodies = _touched_rows(first, chunks, values, n_chunks)
     return _components(partner, n_chunks * values.shape[2], starts, bodies, np.arange(len(partner)))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _root_of(root, contact):  # type: ignore[no-untyped-def]
     """Return the root of the set of a contact, and halve the path to it."""
     while root[contact] != contact:
@@ -164,14 +164,14 @@ def _components_over_balls(chunks, n_balls, partner):  # type: ignore[no-untyped
     return component
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _unite_partners(root, partner):  # type: ignore[no-untyped-def]
     for contact in range(len(partner)):
         a, b = _root_of(root, contact), _root_of(root, partner[contact])
         root[max(a, b)] = min(a, b)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _components(partner, n_bodies, starts, bodies, contacts):  # type: ignore[no-untyped-def]
     """Unite each contact with its partner and the previous contact of each body, and number the sets (union–find).
 
@@ -238,7 +238,7 @@ def row_lengths(problem: ContactProblem) -> FloatArray:
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _write_scales(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, alpha, lengths, speeds
 ):
@@ -271,7 +271,7 @@ def _write_scales(  # type: ignore[no-untyped-def]
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def write_scales_and_ratios(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, component, slot, width, numbers
 ):

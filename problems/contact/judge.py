@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import FloatArray, real_numbers
-from ..compilation import interprets_kernels
+from ..compilation.interpretation import interprets_kernels
 from ..engine_model import own_residual
 from ..errors import ProblemError
 from ..representation import html_table

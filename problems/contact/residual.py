@@ -24,7 +24,7 @@ import numpy as np
 from numba import njit, uint64
 
 from ..arrays import FloatArray, IntArray
-from ..compilation import interpretable
+from ..compilation.interpretation import interpretable
 from ..engine_model import EngineModel, own_residual
 from ..errors import ProblemError
 from .answer import ratio
@@ -201,7 +201,7 @@ def _unit(scale: float) -> float:
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def find_largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
     """Return the largest ratio · length · |G_hh Λ_h| over the rows of all laws; NaN if one is NaN."""
     largest = 0.0

@@ -14,7 +14,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from .. import library
-from ..compilation import interprets_kernels
+from ..compilation.interpretation import interprets_kernels
 from ..contact.problem import UNNAMED, ContactProblem
 from ..errors import LIST_PROBLEMS_COMMAND, PluginError, ProblemError, first_line, raised_at, suggestion
 from ..hard import HARD_CASES, hard_case

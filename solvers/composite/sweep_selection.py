@@ -14,7 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray, IntArray
-from ...problems.compilation import interpretable
+from ...problems.compilation.interpretation import interpretable
 from ...problems.contact.problem import ContactProblem
 from ..iteration.momentum import MEASURED, Momentum
 from ..iteration.stopping import MAX_CHECK_INTERVAL
@@ -104,7 +104,7 @@ def density(problem: ContactProblem) -> float:
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def couples_contacts(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, contact_of_row: IntArray) -> bool:
     """Whether a matrix, shape (n_rows, n_rows), has an entry between two contacts."""
     for row in range(len(contact_of_row)):
@@ -115,7 +115,7 @@ def couples_contacts(starts: NDArray[Any], columns: NDArray[Any], values: FloatA
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def count_shared_chunks(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
     """Return the largest number of pieces of one chunk, and the number of ordered pairs of pieces of the same chunk."""
     counts = np.zeros(n_chunks + 1)

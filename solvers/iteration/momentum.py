@@ -75,7 +75,7 @@ class LinearIterates(Iterates, Protocol):
         ...
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
 def momentum_after(sweeps, momentum, delay):  # type: ignore[no-untyped-def]
     """Return β after k ≥ 1 sweeps: min(β, k/(k + d)), which is β itself for d = 0."""
     return min(momentum, sweeps / (sweeps + delay))

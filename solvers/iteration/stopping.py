@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...problems.arrays import FloatArray
-from ...problems.compilation import COMPILATION
+from ...problems.compilation.notice import COMPILATION
 from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop
 from ...problems.representation import counted
 

@@ -78,7 +78,7 @@ def velocity_of_block(i, first, n_lanes, starts, lanes, values, free, impulses, 
             xi[lane] += total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def into_ball(size, bound, begin, xi, impulses, change):  # type: ignore[no-untyped-def]
     """Move the impulses of the lanes from ``begin`` on by −size ξ, project them onto a ball, and write their change."""
     squared = 0.0

@@ -6,13 +6,14 @@ other contacts fixed (``one_contact``), and moves Λ to Λ + ω(Λ* − Λ), pro
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
+from ...problems.compilation.interpretation import count_numbers, interpretable
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.problem import ContactProblem
 from .any_laws import AnyLawArrays, into_ball, velocity_of_block
@@ -99,6 +100,21 @@ def _kernel_of(layout: BlockLayout) -> Callable[..., Any]:
     return kernels[layout.width - 1]
 
 
+INTERPRETATION_WEIGHT = 10
+"""How much more each number counts than in other kernels that may be interpreted.
+
+So sweeps over more than about ten contacts are compiled at once, as they would be soon in any case.
+"""
+
+
+def _count_swept_numbers(count: int, *arguments: Any) -> int:
+    """Return how many numbers ``count`` sweeps read, times their weight."""
+    return INTERPRETATION_WEIGHT * count * count_numbers(*arguments)
+
+
+_interpretable = partial(interpretable, count=_count_swept_numbers)
+
+
 @njit(cache=True, inline="always")
 def _split_bound(i, own, friction, fixed, partner, impulses):  # type: ignore[no-untyped-def]
     """Return the friction bound b + μ Λ_N of block i as (μ, b); μ is 0 unless Λ_N is its own, in lane ``own``."""
@@ -108,7 +124,8 @@ def _split_bound(i, own, friction, fixed, partner, impulses):  # type: ignore[no
     return mu, bound
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@_interpretable
+@njit(cache=True, error_model="numpy")
 def solve_frictionless_blocks(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
@@ -123,7 +140,8 @@ def solve_frictionless_blocks(  # type: ignore[no-untyped-def]
             impulses[i] = max(old + relaxation[i] * (solve_frictionless(own, normal) - old), 0.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@_interpretable
+@njit(cache=True, error_model="numpy")
 def solve_planar_blocks(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
@@ -144,7 +162,8 @@ def solve_planar_blocks(  # type: ignore[no-untyped-def]
             impulses[k], impulses[k + one] = n, t
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@_interpretable
+@njit(cache=True, error_model="numpy")
 def solve_usual_spatial_blocks(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
@@ -164,7 +183,7 @@ def solve_usual_spatial_blocks(  # type: ignore[no-untyped-def]
     return count * len(friction)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(cache=True, error_model="numpy")
 def solve_other_spatial_blocks(  # type: ignore[no-untyped-def]
     begin, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):

@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
+from ...problems.compilation.interpretation import interpretable
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.matrices.delassus import REMEDY, memory_purpose
 from ...problems.contact.matrices.memory import named_allocation
@@ -198,7 +199,8 @@ def spatial_velocity(i, n_skipped, starts, lanes, values, free, impulses):  # ty
     return normal, tangent, other
 
 
-@njit(cache=True, fastmath={"contract"})
+@interpretable
+@njit(cache=True, error_model="numpy")
 def write_velocity(width, starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
     """Write ξ = GΛ + c of blocks of any width."""
     one, width = uint64(1), uint64(width)
@@ -212,7 +214,8 @@ def write_velocity(width, starts, lanes, values, free, impulses, velocity):  # t
             velocity[width * i + lane] = total
 
 
-@njit(cache=True, fastmath={"contract"})
+@interpretable
+@njit(cache=True, error_model="numpy")
 def write_spatial_velocity(starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
     """Write ξ = GΛ + c of spatial contacts."""
     one, two, three = uint64(1), uint64(2), uint64(3)
@@ -221,7 +224,7 @@ def write_spatial_velocity(starts, lanes, values, free, impulses, velocity):  # 
         velocity[three * i], velocity[three * i + one], velocity[three * i + two] = normal, first, second
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_frictionless(  # type: ignore[no-untyped-def]
     count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
 ):
@@ -235,7 +238,7 @@ def sweep_frictionless(  # type: ignore[no-untyped-def]
             impulses[i] = max(impulses[i] - sizes[two * i] * normal, 0.0)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_planar(  # type: ignore[no-untyped-def]
     count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
 ):
@@ -253,7 +256,7 @@ def sweep_planar(  # type: ignore[no-untyped-def]
             impulses[k + one] = min(max(impulses[k + one] - sizes[k + one] * tangent, -bound), bound)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_spatial(  # type: ignore[no-untyped-def]
     count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
 ):

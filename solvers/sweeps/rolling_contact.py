@@ -113,7 +113,7 @@ def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
     _project(sliding, laws, x)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _curvatures(g, sliding):  # type: ignore[no-untyped-def]
     """Return α of the normal, sliding and rolling law, as a vector."""
     alpha = np.zeros(3)
@@ -123,7 +123,7 @@ def _curvatures(g, sliding):  # type: ignore[no-untyped-def]
     return alpha
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _lanes_of(law, sliding, d):  # type: ignore[no-untyped-def]
     """Return the first lane of the sliding (1) or rolling (2) law, and the lane after its last one."""
     return (1, 1 + sliding) if law == 1 else (1 + sliding, d)

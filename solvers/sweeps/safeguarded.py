@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
-from ...problems.compilation import interpretable
+from ...problems.compilation.interpretation import interpretable
 from ...problems.contact.blocks import BlockLayout
 from ..iteration.loop import Iterates, WrappedIterates
 
@@ -109,7 +109,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def reduce_opposed_steps(width, sliding, groups, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
     """Reduce the step of each contact whose increments are opposed and do not shrink; return whether any was."""
     lanes, groups = uint64(width), uint64(groups)

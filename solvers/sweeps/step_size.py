@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from ...problems.arrays import FloatArray
-from ...problems.compilation import interpretable
+from ...problems.compilation.interpretation import interpretable
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.coupling import row_lengths
 from ...problems.contact.problem import ContactProblem
@@ -106,7 +106,7 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def write_step_sizes(slot, width, of_row, relaxation, sizes):  # type: ignore[no-untyped-def]
     """Write ω over the largest number in ``of_row`` of each law's rows, or 0 if that is 0."""
     for row in range(len(slot)):

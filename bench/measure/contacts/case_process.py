@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 
 from ....problems.arrays import FloatArray, frozen
-from ....problems.compilation import load_cached_kernels
+from ....problems.compilation.cached_kernels import load_cached_kernels
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, Solver, Status, Stop, shows_iterates
 from ....problems.exchange.files.problem_file import read_problem

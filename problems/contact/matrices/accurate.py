@@ -94,7 +94,7 @@ def _underflow(a, x):  # type: ignore[no-untyped-def]
     return LEAST * ((abs(a * x) < SMALL) & (a != 0.0) & (x != 0.0))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def write_accurate_over_matrix(indptr, indices, data, free_velocity, impulses, velocity, rounding):  # type: ignore[no-untyped-def]
     """Write ξ and its rounding error bound for G in CSR."""
     most = 0
@@ -112,7 +112,7 @@ def write_accurate_over_matrix(indptr, indices, data, free_velocity, impulses, v
         rounding[row] = share * lost + under
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def write_accurate_over_factors(  # type: ignore[no-untyped-def]
     indptr, indices, data, mass_indptr, mass_indices, mass_data, free_velocity, impulses, velocity, rounding
 ):

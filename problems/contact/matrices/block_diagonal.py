@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
-from ...compilation import interpretable
+from ...compilation.interpretation import interpretable
 from ...errors import ProblemError
 from .user_matrices import with_entries
 

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ...arrays import FloatArray, IntArray, read_only
-from ...compilation import interpretable
+from ...compilation.interpretation import interpretable
 from ..blocks import BlockLayout
 from .memory import SMALL_BYTES, available_bytes, named_allocation, require_memory
 from .pieces import Pieces
@@ -123,7 +123,7 @@ def diagonal_of(matrix: sp.csr_array) -> FloatArray:
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped-def]
     """Add the diagonal of a matrix in CSR to ``diagonal``."""
     for row in range(len(diagonal)):
@@ -133,7 +133,7 @@ def write_diagonal(indptr, indices, data, diagonal):  # type: ignore[no-untyped-
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def gather_blocks(indptr, indices, slot, n_blocks, width, data):  # type: ignore[no-untyped-def]
     """Return starts, columns and values of the block rows of a matrix in CSR.
 
@@ -172,7 +172,7 @@ def gather_blocks(indptr, indices, slot, n_blocks, width, data):  # type: ignore
     return starts, columns[:end].copy(), values
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
     """Return, for each chunk, its pieces in the order of their blocks, and the block of each piece.
 
@@ -196,7 +196,7 @@ def _pieces_of_chunks(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
     return chunk_starts, members, block_of_piece
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _row_starts(starts, chunks, chunk_starts, members, block_of_piece):  # type: ignore[no-untyped-def]
     """Return the first stored block of each block row of G, and the number of all stored blocks."""
     n_blocks = len(starts) - 1
@@ -222,7 +222,7 @@ def _count_products(starts, chunks, pieces, n_chunks):  # type: ignore[no-untype
 
 
 @partial(interpretable, count=_count_products)
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def multiply_pieces(starts, chunks, pieces, n_chunks):  # type: ignore[no-untyped-def]
     """Return W̃ᵀ W̃ by the row-wise sparse product (Gustavson 1978): count the blocks first, then fill them."""
     n_blocks = len(starts) - 1

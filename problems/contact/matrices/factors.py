@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from ...arrays import FloatArray, frozen, read_only
-from ...compilation import interpretable
+from ...compilation.interpretation import interpretable
 from ...errors import ProblemError
 from ..blocks import BlockLayout
 from .block_diagonal import block_cholesky, block_inverse

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numba import njit, uint64
 
 from ...arrays import FloatArray, IntArray
-from ...compilation import interpretable
+from ...compilation.interpretation import interpretable
 from ..blocks import BlockLayout
 from .user_matrices import compressed_columns
 
@@ -301,7 +301,7 @@ def _scaled_by_blocks(chunks, values, blocks):  # type: ignore[no-untyped-def]
     return scaled
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cheapest_length(indptr, indices, slot, n_blocks, width, n_dofs):  # type: ignore[no-untyped-def]
     """Return the chunk length with the lowest cost over the first rows."""
     cheapest, least = CHUNK_LENGTHS[0], np.inf
@@ -313,7 +313,7 @@ def _cheapest_length(indptr, indices, slot, n_blocks, width, n_dofs):  # type: i
     return cheapest
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks):  # type: ignore[no-untyped-def]
     """Return the first piece of each block, shape (n_blocks + 1,), for one chunk length."""
     last_block = np.full(n_chunks, -1, dtype=np.int64)
@@ -331,7 +331,7 @@ def _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks):  # 
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cut_columns(indptr, indices, slot, n_blocks, width, data, root):  # type: ignore[no-untyped-def]
     """Return starts, chunks, values and number of chunks of the pieces with the cheapest chunk length.
 

@@ -10,7 +10,7 @@ from numba import njit, uint64
 from numpy.typing import NDArray
 
 from ...arrays import read_only
-from ...compilation import interpretable
+from ...compilation.interpretation import interpretable
 from ...errors import ProblemError
 
 Compressed = TypeVar("Compressed", sp.csr_array[Any], sp.csc_array[Any])

@@ -98,7 +98,7 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
             residuals[k] = _judge(prepared, sweeps, answer, velocity, rounding)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _laws_of(laws, k):  # type: ignore[no-untyped-def]
     """Return the arguments of preparation and sweeps for laws number ``k``."""
     (

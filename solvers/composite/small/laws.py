@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 
 from ....problems.arrays import read_only
-from ....problems.compilation import interpretable
+from ....problems.compilation.interpretation import interpretable
 from ....problems.contact.blocks import write_layout
 from ....problems.contact.laws import ROWS_OF_KIND, SET_OF_KIND, LawKind, Laws
 

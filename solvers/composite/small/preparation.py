@@ -23,7 +23,7 @@ N_WORK = 6
 """Number of vectors of n_rows entries that the sweeps need as work space."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def prepare_over_matrix(  # type: ignore[no-untyped-def]
     indptr, indices, data, free_velocity, sets, row_count, is_rolling, first_row, partner_law, slot, contacts, partner
 ):
@@ -41,7 +41,7 @@ def prepare_over_matrix(  # type: ignore[no-untyped-def]
     return _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def prepare_over_columns(  # type: ignore[no-untyped-def]
     indptr,
     indices,
@@ -85,7 +85,7 @@ def prepare_over_pieces(  # type: ignore[no-untyped-def]
     return _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner):  # type: ignore[no-untyped-def]
     coupling, component = UNCOUPLED, np.zeros(len(partner), dtype=np.int64)
     if len(partner) > 1:
@@ -100,7 +100,7 @@ def _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, pa
     return _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def _add_square_sums(starts, values, sums):  # type: ignore[no-untyped-def]
     """Add the squared norm of each column, as ``Pieces.square_sums`` does."""
     _, width, length = values.shape
@@ -112,7 +112,7 @@ def _add_square_sums(starts, values, sums):  # type: ignore[no-untyped-def]
                     sums[width * i + lane] += entry * entry
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot):  # type: ignore[no-untyped-def]
     """Return the data for the sweeps.
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ....problems.arrays import FloatArray, real_numbers
-from ....problems.compilation import DeferredKernels
+from ....problems.compilation.interpretation import DeferredKernels
 from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import MAX_SQUARED, MIN_SQUARED

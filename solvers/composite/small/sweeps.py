@@ -35,7 +35,7 @@ SOLVED, CONTINUE, UNUSUAL = 1, 0, -1
 """Results of a check: the tolerance is reached, sweeps continue, or the sweeps end without an outcome."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cut_store(store, n_values, n_rows, n_blocks, n_laws):  # type: ignore[no-untyped-def]
     """Return the parts of the array that ``preparation`` fills: blocks, step sizes, diagonal, residual, work space."""
     a = n_values + 2 * n_blocks
@@ -148,7 +148,7 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
             return False, iteration
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _begin_progress():  # type: ignore[no-untyped-def]
     """Return the best and first residual, number of checks without progress, and start and residual of the window."""
     none = np.int64(0)  # a literal would make numba compile ``_check`` once more
@@ -182,7 +182,7 @@ def _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impul
     return (UNUSUAL if is_unusual else CONTINUE), (best, first, unimproved, begin, before)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _write_velocity(width, starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
     if width == 3:
         write_spatial_velocity(starts, lanes, values, free, impulses, velocity)
@@ -190,7 +190,7 @@ def _write_velocity(width, starts, lanes, values, free, impulses, velocity):  # 
         write_velocity(width, starts, lanes, values, free, impulses, velocity)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sweep(  # type: ignore[no-untyped-def]
     width, count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
 ):
@@ -202,7 +202,7 @@ def _sweep(  # type: ignore[no-untyped-def]
         sweep_frictionless(count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _solve_blocks(  # type: ignore[no-untyped-def]
     width, count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):

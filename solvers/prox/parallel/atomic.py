@@ -64,7 +64,7 @@ read: Any = intrinsic(_read)
 """Return ``array[index]`` as other threads have left it (array, index)."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy", fastmath=False)
 def wait_for(array, index, least):  # type: ignore[no-untyped-def]
     """Wait until ``array[index]`` is at least ``least``."""
     spins = 0

@@ -8,7 +8,7 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
-from proxbench.problems.compilation import load_cached_kernels
+from proxbench.problems.compilation.cached_kernels import load_cached_kernels
 from proxbench.solvers.registry import BUILT_IN
 
 

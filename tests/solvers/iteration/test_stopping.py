@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from proxbench.problems.compilation import COMPILATION
+from proxbench.problems.compilation.notice import COMPILATION
 from proxbench.solvers import Status, Stop
 from proxbench.solvers.iteration.stopping import MIN_PLATEAU_SWEEPS, Clock, Monitor, sweeps_to_next_check
 

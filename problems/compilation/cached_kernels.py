@@ -1,0 +1,127 @@
+"""Kernels in numba's cache: those of unchanged sources are used, and may be loaded before their first call.
+
+The machine code of a kernel contains that of all kernels it calls. By default, numba compiles a cached kernel again
+only after a change of its own file. After an upgrade, a kernel would then still run old code of kernels in other
+files. Here, each kernel of the package is cached with a digest of its file, of the files of all kernels and named
+tuples that this file imports, directly or indirectly, and of all imported numbers, which are compiled as constants.
+The digest depends on neither the times nor the folder of the files.
+"""
+
+import sys
+from hashlib import sha256
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+from numba.core.caching import CacheImpl, FunctionCache, _CacheLocator
+from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic
+
+PACKAGE = __name__.partition(".")[0]
+
+_DIGESTS: dict[str, bytes] = {}
+"""Digests of modules by name; that of a module with kernels is computed when its first kernel is defined."""
+
+
+class SourceLocator(_CacheLocator):  # type: ignore[misc]
+    """Where numba caches a kernel of this package, as chosen by its own locators, and the digest of its sources."""
+
+    def __init__(self, locator: Any, digest: bytes) -> None:
+        self._locator, self._digest = locator, digest
+
+    @classmethod
+    def from_function(cls, py_func: FunctionType, py_file: str) -> "SourceLocator | None":
+        """Return the locator of a kernel; None for kernels of other packages, and without readable source files."""
+        module = py_func.__module__
+        if not module.startswith(f"{PACKAGE}."):
+            return None
+        others = (other for other in CacheImpl._locator_classes if other is not cls)
+        found = next((locator for other in others if (locator := other.from_function(py_func, py_file))), None)
+        try:
+            return cls(found, source_digest(module, py_func.__globals__)) if found else None
+        except OSError:
+            return None
+
+    def get_cache_path(self) -> Any:
+        """Return the folder of the cached kernel."""
+        return self._locator.get_cache_path()
+
+    def get_disambiguator(self) -> Any:
+        """Return the part of the file name that distinguishes kernels of one name."""
+        return self._locator.get_disambiguator()
+
+    def get_source_stamp(self) -> bytes:
+        """Return the digest of the sources; a cached kernel with another one is compiled again."""
+        return self._digest
+
+
+def source_digest(module: str, names: dict[str, Any]) -> bytes:
+    """Return the SHA-256 digest of a module's file, and of what its kernels may use from other files.
+
+    ``names`` are the module's names and their values, or those before its first kernel while it is imported.
+
+    Raises:
+        OSError: a file cannot be read.
+    """
+    if module not in _DIGESTS:
+        digest = sha256(Path(names["__file__"]).read_bytes())
+        for name, value in sorted(names.items()):
+            digest.update(_digest_of(value, module) or _number_bytes(name, value))
+        _DIGESTS[module] = digest.digest()
+    return _DIGESTS[module]
+
+
+def _digest_of(value: Any, module: str) -> bytes:
+    """Return the digest of the other module of this package that defines a kernel or a named tuple; else nothing."""
+    if isinstance(value, Dispatcher):
+        origin = value.py_func.__module__
+    elif isinstance(value, _Intrinsic):
+        origin = value._defn.__module__
+    elif isinstance(value, type) and issubclass(value, tuple):
+        origin = value.__module__
+    else:
+        return b""
+    is_other = origin != module and origin.startswith(f"{PACKAGE}.")
+    return source_digest(origin, vars(sys.modules[origin])) if is_other else b""
+
+
+def _number_bytes(name: str, value: Any) -> bytes:
+    """Return bytes that differ for different numbers, arrays and tuples of numbers; none for other values."""
+    if isinstance(value, (int, float, complex, np.generic)):
+        return f"{name}={value!r};".encode()
+    if isinstance(value, tuple):
+        return b"".join(_number_bytes(f"{name}[{k}]", part) for k, part in enumerate(value))
+    if isinstance(value, np.ndarray):
+        return f"{name}={value.dtype}{value.shape};".encode() + value.tobytes()
+    return b""
+
+
+CacheImpl._locator_classes.insert(0, SourceLocator)
+
+
+def load_cached_kernels() -> int:
+    """Load the kernels of all imported modules that numba has cached for this processor.
+
+    Otherwise the first call of a kernel with new types loads it, which takes about 5 ms.
+
+    Returns:
+        The number of kernels that were loaded, one for each combination of types.
+    """
+    names = [getattr(module, "__dict__", {}) for module in [*sys.modules.values()]]
+    kernels = {id(value): value for own in names for value in [*own.values()] if _is_kernel(value)}
+    return sum(load_overloads(kernel) for kernel in kernels.values())
+
+
+def _is_kernel(value: Any) -> bool:
+    return isinstance(value, Dispatcher) and isinstance(vars(value).get("_cache"), FunctionCache)
+
+
+def load_overloads(kernel: Any) -> int:
+    """Load a kernel from the cache, and return for how many combinations of types."""
+    stored, codegen = kernel._cache, kernel.targetctx.codegen()
+    left = [key for key in stored._cache_file._load_index() if tuple(key[0]) not in kernel.overloads]
+    usable = [key[0] for key in left if key == stored._index_key(key[0], codegen)]
+    for types in usable:
+        kernel.compile(tuple(types))
+    return len(usable)

@@ -1,0 +1,102 @@
+"""A cached kernel is used only while its sources are unchanged; its bits do not depend on what is compiled first."""
+
+import importlib
+import os
+import pkgutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import proxbench.problems
+import proxbench.solvers
+import pytest
+from numba import config
+from numba.core.dispatcher import Dispatcher
+
+SOURCES = {
+    "numbers": "FACTOR = 3.0\nOTHER = 1.0\n",
+    "called": "from numba import njit\n\n\n@njit(cache=True)\ndef square(x):\n    return x * x\n",
+    "caller": (
+        "from numba import njit\nfrom .called import square\nfrom .numbers import FACTOR\n\n\n"
+        "@njit(cache=True)\ndef scaled(x):\n    return FACTOR * square(x)\n"
+    ),
+}
+CALL = """
+import sys
+import proxbench.problems
+proxbench.problems.__path__.insert(0, {folder!r})
+from proxbench.problems.caller import scaled
+print(scaled(2.0), sum(scaled.stats.cache_hits.values()))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name, text in SOURCES.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    return tmp_path
+
+
+def called_in_a_new_process(folder: Path, cache: str) -> tuple[float, int]:
+    """Return the result of the kernel in ``caller``, and how often it was in the cache."""
+    command = [sys.executable, "-c", CALL.format(folder=str(folder))]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "NUMBA_DISABLE_JIT": "0", "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
+
+
+@pytest.mark.slow
+def test_a_kernel_is_compiled_again_only_after_a_change_of_what_it_calls_or_of_a_number(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    cache = str(tmp_path_factory.mktemp("cache"))
+    assert called_in_a_new_process(folder, cache) == (12.0, 0)
+    os.utime(folder / "caller.py")
+    (folder / "numbers.py").write_text("FACTOR = 3.0\nOTHER = 2.0\n")
+    assert called_in_a_new_process(folder, cache) == (12.0, 1)
+    (folder / "called.py").write_text(SOURCES["called"].replace("x * x", "x + x + x"))
+    assert called_in_a_new_process(folder, cache) == (18.0, 0)
+    assert called_in_a_new_process(folder, cache) == (18.0, 1)
+    (folder / "numbers.py").write_text("FACTOR = 5.0\n")
+    assert called_in_a_new_process(folder, cache) == (30.0, 0)
+
+
+def kernels() -> dict[str, Any]:
+    """Return the kernels of the package by module and name."""
+    found = {}
+    for package in (proxbench.problems, proxbench.solvers):
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            if not module.name.endswith("warp_kernels"):  # needs an extra
+                for value in vars(importlib.import_module(module.name)).values():
+                    if isinstance(value, Dispatcher):
+                        found[f"{value.py_func.__module__}.{value.py_func.__name__}"] = value
+    return found
+
+
+def called_kernels(kernel: Any) -> Iterator[Any]:
+    """Yield the kernels that a kernel calls, directly or from code that numba inlines."""
+    for name in kernel.py_func.__code__.co_names:
+        value = kernel.py_func.__globals__.get(name)
+        if isinstance(value, Dispatcher) and value is not kernel:
+            yield value
+            if value.targetoptions.get("inline") == "always":
+                yield from called_kernels(value)
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="numba is switched off")
+@pytest.mark.parametrize(("option", "default"), [("fastmath", False), ("error_model", "python")])
+def test_a_kernel_states_the_options_that_it_would_otherwise_inherit(option: str, default: object) -> None:
+    """numba compiles a kernel without such an option with that of the first caller, and keeps it in the cache."""
+    every = kernels()
+    assert len(every) > 200
+    inherited = {
+        f"{called.py_func.__name__} from {name}"
+        for name, kernel in every.items()
+        if kernel.targetoptions.get("inline") != "always" and kernel.targetoptions.get(option, default) != default
+        for called in called_kernels(kernel)
+        if called.targetoptions.get("inline") != "always" and option not in called.targetoptions
+    }
+    assert inherited == set()
