@@ -65,6 +65,21 @@ def test_boxes_moved_apart_by_their_depth_no_longer_overlap(seed: int) -> None:
     assert not len(contacts(apart, second, 0.0, sizes).gap)
 
 
+def test_contacts_of_other_pairs_of_faces_have_other_features() -> None:
+    """Each face of the lower box touches each of the upper box, turned by 45° so that every edge is clipped."""
+    x, y, half_turn = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), np.pi / 2
+    faces = [about(x, k * half_turn) for k in range(4)] + [about(y, half_turn), about(y, -half_turn)]
+    seen = set[int]()
+    for lower in faces:
+        for upper in faces:
+            turned = product(about((0.0, 0.0, 1.0), np.pi / 4)[None], upper[None])[0]
+            found = contacts(pose(0.0, 0.0, 0.0, turned=lower), pose(0.0, 0.0, 0.99, turned=turned))
+            features = set(found.feature.tolist())
+            assert len(features) == 8
+            assert not features & seen
+            seen |= features
+
+
 def test_features_last_while_a_box_shakes() -> None:
     features = set()
     rng = np.random.default_rng(0)
