@@ -16,7 +16,8 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import NamedTuple, NoReturn
 
-from ....problems.compilation import COMPILATION, compiled_kernels
+from ....problems.compilation.interpretation import compiled_kernels
+from ....problems.compilation.notice import COMPILATION
 from ...errors import BenchError
 from ...isolation.fork_server import ONE_THREAD
 from .shared_cache import share_cache
