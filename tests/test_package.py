@@ -29,7 +29,7 @@ def test_every_package_of_the_tree_is_listed_for_installation() -> None:
     assert places == PROJECT["tool"]["setuptools"]["package-dir"]
 
 
-def test_types_are_shipped() -> None:
+def test_package_contains_the_py_typed_marker() -> None:
     assert resources.files("proxbench").joinpath("py.typed").is_file()
 
 

@@ -164,15 +164,13 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
         "hard-immovable-joint": joints.immovable_joint,
     },
     "rolling": {
-        **{
-            f"hard-resisting-sphere-{word}": partial(spheres.resisting_sphere, angle) for word, angle in _ANGLES.items()
-        },
-        **{f"hard-resisting-sphere-{axes}-axes": partial(spheres.resisting_sphere, 0.2, axes=axes) for axes in (1, 3)},
-        "hard-resisting-sphere-steep": partial(spheres.resisting_sphere, 1.0),
+        **{f"hard-resisting-sphere-{word}": partial(spheres.sphere_on_slope, angle) for word, angle in _ANGLES.items()},
+        **{f"hard-resisting-sphere-{axes}-axes": partial(spheres.sphere_on_slope, 0.2, axes=axes) for axes in (1, 3)},
+        "hard-resisting-sphere-steep": partial(spheres.sphere_on_slope, 1.0),
         "hard-slowing-sphere-stops": partial(spheres.slowing_sphere, 0.13 * WEIGHT),
         "hard-slowing-sphere-rolls-on": partial(spheres.slowing_sphere, 0.15 * WEIGHT),
-        **{f"hard-resisting-spheres-{n}": partial(spheres.many_resisting_spheres, n) for n in (30, 300)},
-        "hard-resisting-spheres-3-axes": partial(spheres.many_resisting_spheres, 40, 3),
+        **{f"hard-resisting-spheres-{n}": partial(spheres.random_spheres_with_rolling_friction, n) for n in (30, 300)},
+        "hard-resisting-spheres-3-axes": partial(spheres.random_spheres_with_rolling_friction, 40, 3),
     },
     "degenerate": {
         "hard-empty": degenerate.empty,

@@ -84,7 +84,7 @@ def _on_inclines(friction: FloatArray, excess: FloatArray, compliance: float) ->
     return separate_contacts(c, friction, compliance)
 
 
-def resisting_spheres(
+def spheres_with_rolling_friction(
     motion: FloatArray, friction: FloatArray, rolling_friction: FloatArray, heading: FloatArray, axes: int = 2
 ) -> ContactProblem:
     """Return spheres of 1 kg on the ground, each sliding and rolling in one direction with both kinds of friction.
@@ -125,26 +125,26 @@ def resisting_spheres(
     return body_problem(directions, inverse_mass, motion, laws=laws, answer=answer)
 
 
-def resisting_sphere(excess: float, friction: float = 0.5, share: float = 0.2, axes: int = 2) -> ContactProblem:
+def sphere_on_slope(excess: float, friction: float = 0.5, share: float = 0.2, axes: int = 2) -> ContactProblem:
     """Return a sphere at rest on a slope ``excess`` [rad] above the critical angle θ, tan θ = μ_r/r = ``share``."""
     slope = np.arctan(share) + excess
     motion = WEIGHT * np.array([[np.cos(slope), np.sin(slope), 0.0]])
-    return resisting_spheres(motion, np.array([friction]), np.array([share * RADIUS]), np.zeros(1), axes)
+    return spheres_with_rolling_friction(motion, np.array([friction]), np.array([share * RADIUS]), np.zeros(1), axes)
 
 
 def slowing_sphere(speed: float, share: float = 0.2) -> ContactProblem:
     """Return a sphere that rolls on level ground; it stops if ``speed`` [m/s] is at most 5/7 g Δt μ_r/r."""
     motion = np.array([[WEIGHT, speed, speed / RADIUS]])
-    return resisting_spheres(motion, np.array([0.5]), np.array([share * RADIUS]), np.zeros(1))
+    return spheres_with_rolling_friction(motion, np.array([0.5]), np.array([share * RADIUS]), np.zeros(1))
 
 
-def many_resisting_spheres(n: int, axes: int = 2) -> ContactProblem:
+def random_spheres_with_rolling_friction(n: int, axes: int = 2) -> ContactProblem:
     """Return ``n`` spheres that slide, roll, do both or stay, with random friction and directions."""
     rng = np.random.default_rng(n)
     motion = np.column_stack([rng.random(n), rng.normal(size=n), rng.normal(size=n) / RADIUS])
     motion[::4, 1:] *= 0.01
     friction, rolling = rng.random(n), 0.5 * RADIUS * rng.random(n)
-    return resisting_spheres(motion, friction, rolling, 2.0 * np.pi * rng.random(n) * (axes > 1), axes)
+    return spheres_with_rolling_friction(motion, friction, rolling, 2.0 * np.pi * rng.random(n) * (axes > 1), axes)
 
 
 def with_rolling_friction(problem: ContactProblem, rolling_friction: float, axes: int = 2) -> ContactProblem:

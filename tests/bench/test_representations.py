@@ -57,12 +57,12 @@ def test_a_plan_lists_few_names_and_counts_many() -> None:
     assert "15 solvers" in repr(make_plan())
 
 
-def test_a_simulation_says_how_far_it_is() -> None:
+def test_representation_of_a_simulation_shows_its_progress() -> None:
     plan = make_simulation_plan("woodpecker", duration=0.25)
     assert repr(Simulation(plan)) == "<Simulation of woodpecker: 0 steps, 0 of 0.25 s>"
 
 
-def test_what_a_run_stores_about_itself_is_cut_short(finished_run: Path) -> None:
+def test_representation_of_run_info_is_truncated(finished_run: Path) -> None:
     info = load(finished_run).info
     assert len(repr(info)) <= MAX_RECORD_LENGTH
     assert f"run_id={info.run_id!r}"[:20] in repr(info)

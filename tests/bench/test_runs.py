@@ -30,7 +30,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 @pytest.mark.weekly
-def test_single_values_are_as_good_as_lists(finished: Run, tmp_path: Path) -> None:
+def test_single_values_and_lists_give_the_same_run(finished: Run, tmp_path: Path) -> None:
     listed = run([falling()], ["SORprox"], results=tmp_path, tolerances=[1e-4], passes=1)
     same = ["problem", "solver", "digest", "outcome"]
     assert listed.cases[same].to_dict() == finished.cases[same].to_dict()

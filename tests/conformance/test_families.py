@@ -144,7 +144,7 @@ def test_from_any_start_the_status_is_true_and_the_residual_does_not_increase(
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.weekly if name in PATIENT else []) for name in available()]
 )
-def test_a_tighter_tolerance_ends_no_worse_where_five_contacts_slide_and_the_convex_model_has_no_solution(
+def test_tighter_tolerance_is_no_worse_if_the_convex_model_has_no_solution(
     name: str,
 ) -> None:
     family = Family(n_contacts=5, dim=2, n_dofs=4, mass_exponent=0, density=0.6, friction=0.5, states=("slip",))
@@ -201,7 +201,7 @@ def left_by_copies(problem: ContactProblem, impulses: FloatArray) -> float:
 
 
 @pytest.mark.parametrize("friction", [0.125, 0.5, 1.0])
-def test_two_copies_that_slide_at_an_angle_leave_nearly_as_much_in_their_sum_as_is_allowed(friction: float) -> None:
+def test_sum_of_two_copies_sliding_at_an_angle_nearly_reaches_the_allowed_residual(friction: float) -> None:
     angle = (2.0 * TOLERANCE / friction) ** (1.0 / 3.0)
     sum_of_copies = np.array([1.0, friction * np.cos(angle), 0.0])
     free_velocity = np.array([0.0, -TOLERANCE / angle, 0.0]) - sum_of_copies

@@ -83,7 +83,7 @@ def _forgotten() -> Iterator[None]:
         ("warns", "silent", "it issued the warning 'look here'; report it"),
     ],
 )
-def test_a_fault_is_noticed_by_its_check(fault: str, check: str, words: str) -> None:
+def test_each_fault_is_detected_by_its_check(fault: str, check: str, words: str) -> None:
     with pytest.raises(Violation) as found:
         CHECKS[check].run(Faulty(fault))
     sentence = str(found.value)
@@ -102,7 +102,7 @@ def test_without_a_fault_every_check_is_passed(check: Any) -> None:
 
 
 @pytest.mark.parametrize("check", ["observed", "warm start"])
-def test_a_solver_without_iterates_need_not_show_them(check: str) -> None:
+def test_checks_of_iterates_do_not_apply_to_solvers_without_iterates(check: str) -> None:
     with pytest.raises(NotApplicable, match="has_iterates is False"):
         CHECKS[check].run(Faulty("no iterates"))
 
@@ -153,13 +153,13 @@ ALONE = {
 
 @pytest.mark.weekly
 @pytest.mark.parametrize("fault", ALONE)
-def test_a_fault_is_noticed_by_no_other_check(fault: str) -> None:
+def test_each_fault_is_detected_only_by_the_listed_checks(fault: str) -> None:
     if fault not in FEW and os.environ.get("PROXBENCH_PROFILE") != "full":
         pytest.skip("takes seconds each; PROXBENCH_PROFILE=full runs it")
     assert set(in_a_process(lambda: "\n".join(broken_by(fault))).splitlines()) == ALONE[fault]
 
 
-def test_every_check_has_a_fault_that_few_others_notice() -> None:
+def test_every_check_has_a_fault_detected_by_few_checks() -> None:
     assert set().union(*ALONE.values()) == set(CHECKS)
 
 
@@ -217,7 +217,7 @@ def the_violation(check: str, fault: str) -> str:
         ("replaces the clock", "replaced time.perf_counter; do not modify"),
     ],
 )
-def test_what_a_solver_does_to_its_process_is_named(effect: str, words: str) -> None:
+def test_process_check_names_the_change_made_by_a_solver(effect: str, words: str) -> None:
     assert words in in_a_process(lambda: the_violation("process", effect))
 
 

@@ -28,7 +28,7 @@ def run_cell(source: str, namespace: dict[str, Any]) -> str:
     return str(value._repr_html_() if hasattr(value, "_repr_html_") else repr(value))
 
 
-def test_there_are_notebooks_to_begin_with() -> None:
+def test_expected_notebooks_are_found() -> None:
     assert [notebook.stem for notebook in NOTEBOOKS] == ["first-solve", "read-a-run"]
 
 

@@ -183,7 +183,7 @@ class JumpingClock(datetime):
         return cls.fromtimestamp(moved.timestamp(), tz)
 
 
-def test_a_clock_that_jumps_changes_no_result(
+def test_jumps_of_the_system_clock_do_not_change_results(
     tmp_path: Path, undisturbed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("proxbench.bench.measure.execution.local.datetime", JumpingClock)

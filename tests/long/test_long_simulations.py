@@ -44,7 +44,7 @@ def energy(simulation: Simulation) -> np.ndarray:  # type: ignore[type-arg]
     return simulation.steps["kinetic_energy"] + simulation.steps["potential_energy"]
 
 
-def test_a_pile_at_rest_stays_as_it_is() -> None:
+def test_settled_pile_remains_at_rest() -> None:
     settling = 2.0
     simulate(make_simulation_plan("pile", {"balls": BALLS}, duration=0.3))  # compile kernels, fill caches
     before = memory()
@@ -67,7 +67,7 @@ def test_a_pile_at_rest_stays_as_it_is() -> None:
     assert grown < MAX_ADDED_BYTES
 
 
-def test_the_woodpecker_keeps_its_cycle() -> None:
+def test_woodpecker_stays_on_its_limit_cycle() -> None:
     simulate(make_simulation_plan("woodpecker", {"start": "cycle"}, duration=0.3))
     before = memory()
     toy = simulate(make_simulation_plan("woodpecker", {"start": "cycle"}, duration=(PERIODS + 0.5) * PERIOD))
@@ -87,7 +87,7 @@ def test_the_woodpecker_keeps_its_cycle() -> None:
 
 
 @pytest.mark.skipif(not FULL, reason="needs ninety periods")
-def test_the_woodpecker_comes_to_its_cycle_from_the_published_start() -> None:
+def test_woodpecker_converges_to_its_limit_cycle_from_the_published_start() -> None:
     toy = simulate(make_simulation_plan("woodpecker", {"start": "published"}, duration=91.0 * PERIOD))
     motion = periods_of(toy)
     assert motion.count == 90
@@ -98,7 +98,7 @@ def test_the_woodpecker_comes_to_its_cycle_from_the_published_start() -> None:
 
 
 @pytest.mark.parametrize("solver", ["SORprox", "NSGS"])
-def test_a_stack_of_ten_stands(solver: str) -> None:
+def test_stack_of_ten_remains_at_rest(solver: str) -> None:
     stack, length = Stack((1.0,) * 10), 1e-3
     moreau = MidpointRule(stack.system(), create(solver), Stop(1e-10, 100_000), length)
     start = state = stack.start()
@@ -117,7 +117,7 @@ def test_a_stack_of_ten_stands(solver: str) -> None:
     assert grown < MAX_ADDED_BYTES
 
 
-def test_a_funnel_is_emptied_twice_alike() -> None:
+def test_emptying_a_funnel_twice_gives_identical_results() -> None:
     plan = make_simulation_plan("funnel", {"balls": POURED, "outlet": 4.5}, duration=12.0)
     first = simulate(plan)
     before = memory()

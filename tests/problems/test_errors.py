@@ -11,7 +11,7 @@ from proxbench.problems.motion.scenes.registry import SCENES
     ("name", "near"),
     [("funel", "funnel"), ("HOPPER", "hopper"), ("brick", "brick_wall"), ("newtons", "newtons_cradle")],
 )
-def test_a_typing_error_or_the_beginning_of_a_name_is_completed(name: str, near: str) -> None:
+def test_misspelled_or_shortened_names_get_a_suggestion(name: str, near: str) -> None:
     assert suggestion(name, SCENES) == f"; did you mean {near!r}?"
 
 
@@ -21,7 +21,7 @@ def test_less_similar_names_are_suggested_if_they_have_the_same_initial(name: st
 
 
 @pytest.mark.parametrize("name", ["nope", "none", "mine", "dune", "rope"])
-def test_another_word_gets_no_suggestion(name: str) -> None:
+def test_unrelated_words_get_no_suggestion(name: str) -> None:
     listed = f"; {len(SCENES)} are known, and proxbench list scenes lists them."
     assert suggestion(name, SCENES, "proxbench list scenes") == listed
 
@@ -33,7 +33,7 @@ def test_any_single_wrong_letter_is_corrected(name: str) -> None:
         assert suggestion(wrong, SCENES) == f"; did you mean {name!r}?"
 
 
-def test_the_line_of_the_author_is_named_and_not_that_of_a_library() -> None:
+def test_error_location_is_in_the_code_of_the_author_not_of_a_library() -> None:
     content = compile("import json\ndef parse():\n    return json.loads('{')\n", "/home/me/wrapped.py", "exec")
     names: dict[str, object] = {}
     exec(content, names)
@@ -42,5 +42,5 @@ def test_the_line_of_the_author_is_named_and_not_that_of_a_library() -> None:
     assert raised_at(caught.value) == " (line 3 of wrapped.py)"
 
 
-def test_an_exception_that_was_not_raised_has_no_line() -> None:
+def test_exception_without_traceback_has_no_location() -> None:
     assert raised_at(ValueError("odd")) == ""

@@ -26,7 +26,7 @@ def commands(job: dict[str, Any]) -> list[str]:
 
 
 @pytest.mark.parametrize("name", YAML_FILES)
-def test_a_file_of_yaml_can_be_read(name: str) -> None:
+def test_yaml_files_are_valid(name: str) -> None:
     assert isinstance(content(name), dict)
 
 

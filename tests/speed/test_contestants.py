@@ -11,7 +11,7 @@ def test_every_registered_solver_takes_part() -> None:
     assert {entry.partition("(")[0] for entry in contestants()} == {*available(), *composites()}
 
 
-def test_options_and_excuses_are_of_registered_solvers_and_measured_sizes() -> None:
+def test_options_and_excuses_refer_to_registered_solvers_and_measured_sizes() -> None:
     assert set(OPTIONS) <= set(available())
     assert {name for name, _ in EXCUSES} <= set(available())
     assert {size for _, size in EXCUSES} <= set(SIZES)
@@ -19,7 +19,7 @@ def test_options_and_excuses_are_of_registered_solvers_and_measured_sizes() -> N
         assert all(create(entry).name.startswith(name) for entry in entries)
 
 
-def test_an_excuse_holds_for_a_solver_with_any_options_and_for_its_size_alone() -> None:
+def test_excuse_applies_to_any_options_of_a_solver_but_only_to_its_size() -> None:
     assert excuse("CvxpyCoulomb(memory=3)", 1000) == EXCUSES["CvxpyCoulomb", 1000]
     assert excuse("CvxpyCoulomb", 300) is None
 

@@ -110,7 +110,7 @@ def test_a_figure_is_slower_if_its_whole_interval_is_above_the_limit(ratio: floa
     assert comparison.is_decided
 
 
-def test_what_one_pair_of_processes_finds_slower_is_measured_by_another() -> None:
+def test_slowdown_found_by_one_pair_of_processes_is_undecided() -> None:
     comparison = Comparison(FIRST, "a", list(np.log(1.3) + 0.01 * np.random.default_rng(0).normal(size=ROUNDS)))
     assert comparison.is_slower
     assert not comparison.is_decided
@@ -149,7 +149,7 @@ def test_a_figure_that_fails_now_is_an_error(tmp_path: Path, monkeypatch: pytest
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
-def test_a_commit_that_the_clone_does_not_hold_is_skipped_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_commit_is_skipped_with_a_message(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("pair.pour", lambda folder: None)
         assert main(["0" * 40]) == 0

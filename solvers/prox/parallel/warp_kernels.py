@@ -62,7 +62,7 @@ def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.v
 
 
 @wp.func
-def changed_impulse(contacts: Contacts, i: wp.int32, xi: wp.vec3d, impulses: Numbers) -> wp.vec3d:
+def update_impulse(contacts: Contacts, i: wp.int32, xi: wp.vec3d, impulses: Numbers) -> wp.vec3d:
     """Move Λ of a contact along −r ξ and project it; return its change."""
     old_n = impulses[3 * i]
     old_t = impulses[3 * i + 1]
@@ -87,7 +87,7 @@ def changed_impulse(contacts: Contacts, i: wp.int32, xi: wp.vec3d, impulses: Num
 def update_colour(contacts: Contacts, order: Indices, first: wp.int32, impulses: Numbers, velocity: Numbers):
     """Update the contacts of one colour, which begins at ``first`` in the order, and v of their bodies."""
     i = order[first + wp.tid()]
-    change = changed_impulse(contacts, i, contact_velocity(contacts, i, velocity), impulses)
+    change = update_impulse(contacts, i, contact_velocity(contacts, i, velocity), impulses)
     length = contacts.length
     for side in range(2):
         body = contacts.bodies[2 * i + side]
@@ -103,7 +103,7 @@ def update_colour(contacts: Contacts, order: Indices, first: wp.int32, impulses:
 def update_all(contacts: Contacts, impulses: Numbers, velocity: Numbers, changes: Numbers):
     """Update all contacts from the same v, and write the changes of Λ."""
     i = wp.tid()
-    change = changed_impulse(contacts, i, contact_velocity(contacts, i, velocity), impulses)
+    change = update_impulse(contacts, i, contact_velocity(contacts, i, velocity), impulses)
     for lane in range(3):
         changes[3 * i + lane] = change[lane]
 

@@ -89,5 +89,5 @@ def test_rejudge_names_a_false_case_and_exits_with_1(
         ("run --resume x --shard 1/2", "--shard is stored with the run"),
     ],
 )
-def test_a_mistake_is_one_sentence(line: str, reason: str, mistake: Callable[[str], str]) -> None:
+def test_errors_are_reported_in_one_sentence(line: str, reason: str, mistake: Callable[[str], str]) -> None:
     assert reason in mistake(line)

@@ -81,7 +81,7 @@ def test_the_command_that_measures_the_folder_can_be_copied(ball: Path, capsys: 
 
 
 @pytest.mark.slow
-def test_a_run_holds_mujocos_solvers_to_the_model_of_the_step_and_can_be_rejudged(
+def test_run_judges_mujoco_solvers_by_the_model_of_the_captured_step_and_can_be_rejudged(
     ball: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(["capture", str(ball), "--duration", "0.02", "--every", "10", "--output", "steps"]) == 0
@@ -157,9 +157,7 @@ def test_a_capture_that_fails_keeps_its_steps_and_returns_1(
     assert "proxbench: MuJoCo failed in the step at 0.004 s: out of memory; correct the model, or stop" in printed.err
 
 
-def test_earlier_steps_are_named_with_the_option_that_replaces_them(
-    ball: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_existing_steps_are_replaced_only_with_force(ball: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["capture", str(ball), "--duration", "0.01"]) == 0
     assert run_command(["capture", str(ball), "--duration", "0.01"]) == 2
     assert "choose another --output, or replace them with --force" in capsys.readouterr().err

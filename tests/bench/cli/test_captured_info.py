@@ -69,7 +69,7 @@ def test_json_holds_the_verdict_of_the_engine(file: Path, capsys: Capture) -> No
     }
 
 
-def test_a_file_without_an_engine_has_none(file: Path, capsys: Capture) -> None:
+def test_file_without_captured_data_lists_no_engine(file: Path, capsys: Capture) -> None:
     save_problem(read_step(file).problem, file)
     assert run_command(["info", str(file), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["files"][0]["engine"] is None
@@ -87,7 +87,7 @@ def test_forces_that_are_not_finite_have_no_number_in_json_and_inf_in_the_table(
 
 
 @pytest.mark.parametrize("damage", ["missing", "short"])
-def test_damaged_data_of_an_engine_are_one_sentence(file: Path, damage: str, capsys: Capture) -> None:
+def test_damaged_capture_data_are_reported_in_one_sentence(file: Path, damage: str, capsys: Capture) -> None:
     with np.load(file) as content:
         arrays = dict(content)
     forces = arrays.pop("capture.forces")

@@ -106,5 +106,5 @@ def test_matrix_accepts_a_folder_of_problems(tmp_path: Path, capsys: pytest.Capt
         ("report here --problem funnel-30 --quiet", "--problem and --quiet are mutually exclusive"),
     ],
 )
-def test_a_mistake_gets_one_sentence(line: str, words: str, mistake: Callable[[str], str]) -> None:
+def test_errors_are_reported_in_one_sentence(line: str, words: str, mistake: Callable[[str], str]) -> None:
     assert words in mistake(line)

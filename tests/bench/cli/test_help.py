@@ -70,7 +70,7 @@ def test_every_option_of_every_command_has_a_sentence(
             assert getattr(option, "help", None)
 
 
-def test_commands_stand_under_topics_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_command_is_listed_once_under_a_topic(capsys: pytest.CaptureFixture[str]) -> None:
     lines = page((), "-h", capsys).splitlines()
     topics = [line.strip("╭─╮ ") for line in lines if line.startswith("╭")]
     assert topics[0] == "Options"
@@ -79,7 +79,7 @@ def test_commands_stand_under_topics_of_their_own(capsys: pytest.CaptureFixture[
         assert sum(line.startswith(f"│ {name} ") for line in lines) == 1
 
 
-def test_the_program_without_a_command_prints_its_help_as_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+def test_calling_without_a_command_prints_the_help_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command([]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""

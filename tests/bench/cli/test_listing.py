@@ -71,7 +71,7 @@ def test_a_name_is_listed_alone(what: str, name: str, words: str, capsys: pytest
     assert [row] == [one for one in listing_rows(what)[what] if one["name"] == name.partition("(")[0]]
 
 
-def test_names_stay_in_one_line_where_no_terminal_shows_them(
+def test_listed_names_are_not_wrapped_without_a_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("COLUMNS")
@@ -121,7 +121,7 @@ def test_the_problems_of_a_suite_are_its_members_under_the_names_of_their_famili
     assert sum(sizes) == len(suite_members(suite))
 
 
-def test_parts_of_robust_are_listed_apart(capsys: pytest.CaptureFixture[str]) -> None:
+def test_parts_of_robust_are_listed_separately(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["list", "solvers"]) == 0
     first, second = capsys.readouterr().out.split("parts of Robust\n")
     for name in parts():

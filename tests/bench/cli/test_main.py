@@ -49,11 +49,13 @@ from proxbench.problems.motion.scenes.registry import SCENES
         ("run --problem hard-no-motion --run-id ../elsewhere", "'../elsewhere'"),
     ],
 )
-def test_a_mistake_gets_one_sentence_and_exit_code_two(line: str, words: str, mistake: Callable[[str], str]) -> None:
+def test_errors_are_reported_in_one_sentence_with_exit_code_2(
+    line: str, words: str, mistake: Callable[[str], str]
+) -> None:
     assert words in mistake(line)
 
 
-def test_an_unwritable_output_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_unwritable_output_is_reported(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for line in (f"run --output {tmp_path}/file", f"generate woodpecker-beak-impact --output {tmp_path}/file"):
         assert run_command(line.split()) == 2
@@ -187,7 +189,7 @@ def test_list_names_solvers_suites_problems_and_scenes(capsys: pytest.CaptureFix
     assert slider["laws"] == ["unilateral", "spatial friction"]
 
 
-def test_without_a_command_the_help_is_shown_as_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_command_prints_the_help_and_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command([]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""

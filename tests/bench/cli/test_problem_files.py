@@ -84,7 +84,7 @@ def test_json_has_no_infinity_for_a_singular_block(tmp_path: Path, capsys: Captu
     assert json.loads(printed)["files"][0]["conditioning"] is None
 
 
-def test_import_keeps_the_places_of_a_folder_and_lists_what_is_broken(
+def test_import_preserves_the_folder_structure_and_lists_broken_files(
     folder: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     out = tmp_path / "out"
@@ -154,7 +154,7 @@ def test_a_problem_with_the_name_of_a_path_is_exported_under_the_name_of_its_fil
         ("record {folder}/cut.hdf5 --solver NSGS --output a.rrd", "cut.hdf5 is damaged or not an FCLIB file"),
     ],
 )
-def test_a_mistake_gets_one_sentence_and_exit_code_two_and_writes_nothing(
+def test_errors_are_reported_in_one_sentence_with_exit_code_2_and_write_nothing(
     line: str, words: str, folder: Path, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if "crooked" in line:
@@ -239,7 +239,7 @@ def test_quiet_commands_print_only_the_paths_of_their_files(tmp_path: Path, caps
     assert capsys.readouterr() == (f"{imported}\n", "")
 
 
-def test_info_refers_from_a_simulation_to_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_on_a_simulation_suggests_the_report_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "ball.npz"
     simulate(make_simulation_plan("bouncing_ball", duration=0.05), file)
     assert run_command(["info", str(file)]) == 2

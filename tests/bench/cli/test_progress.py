@@ -64,7 +64,7 @@ def test_a_study_shows_its_work_and_counts_its_points_from_the_start() -> None:
     assert "/?" not in text.getvalue().split("remaining")[1]
 
 
-def test_the_time_left_follows_from_points_that_take_minutes() -> None:
+def test_remaining_time_is_estimated_for_points_that_take_minutes() -> None:
     now = [0.0]
     shown = RunProgress(console=Console(file=io.StringIO(), force_terminal=True, width=160))
     shown.get_time = lambda: now[0]

@@ -75,7 +75,7 @@ def test_a_margin_closes_contacts_that_are_open(capsys: pytest.CaptureFixture[st
     assert "can stand" in capsys.readouterr().out
 
 
-def test_a_margin_that_was_given_is_not_proposed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_margin_option_is_not_suggested_if_it_was_given(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["statics", "bouncing_ball", "--margin", "1e-9"]) == 1
     assert capsys.readouterr().out.endswith("no contact is closed\n")
 
@@ -102,7 +102,7 @@ def test_plugin_scene_is_supported(tmp_path: Path, capsys: pytest.CaptureFixture
         ("statics", "SCENE"),
     ],
 )
-def test_a_mistake_gets_one_sentence(line: str, words: str, mistake: Callable[[str], str]) -> None:
+def test_errors_are_reported_in_one_sentence(line: str, words: str, mistake: Callable[[str], str]) -> None:
     assert words in mistake(line)
 
 

@@ -54,7 +54,9 @@ def folder(finished: Path, tmp_path: Path) -> Path:
         ("--study --quiet --json funnel", "are mutually exclusive"),
     ],
 )
-def test_a_mistake_gets_one_sentence_and_leaves_no_file(line: str, words: str, mistake: Callable[[str], str]) -> None:
+def test_errors_are_reported_in_one_sentence_and_leave_no_file(
+    line: str, words: str, mistake: Callable[[str], str]
+) -> None:
     assert words in mistake(f"simulate {line}")
 
 

@@ -77,9 +77,7 @@ def test_a_conforming_solver_passes_and_its_plugin_is_unregistered(
     ],
 )
 @pytest.mark.usefixtures("brief")
-def test_a_fault_fails_its_own_check_and_the_others_go_on(
-    fault: str, seconds: float, words: str, tmp_path: Path
-) -> None:
+def test_a_fault_fails_only_its_own_check(fault: str, seconds: float, words: str, tmp_path: Path) -> None:
     (subject,) = run_checks(plugin(tmp_path, fault), seconds=seconds)
     results = {row["check"]: row for row in subject["checks"]}
     assert words in results.pop("time limit")["sentence"]
@@ -168,7 +166,7 @@ def test_a_file_that_cannot_be_checked_is_refused_with_the_cause(
         ("check", "NAME|FILE"),
     ],
 )
-def test_a_mistake_gets_one_sentence_and_exit_code_two(
+def test_errors_are_reported_in_one_sentence_with_exit_code_2(
     line: str, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command(line.split()) == 2

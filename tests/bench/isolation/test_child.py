@@ -42,7 +42,7 @@ def hidden() -> Exception:
         (chain(2 * MAX_CAUSES), False),
     ],
 )
-def test_an_error_that_a_memory_error_caused_is_one_of_memory(error: BaseException, is_memory: bool) -> None:
+def test_memory_error_is_found_among_the_causes_of_an_error(error: BaseException, is_memory: bool) -> None:
     assert _is_caused_by_memory(error) is is_memory
 
 

@@ -15,7 +15,7 @@ from proxbench.bench.isolation.child import Assignment
 from proxbench.bench.isolation.process_state import ProcessState, replacement_text
 
 
-def test_a_process_in_which_nothing_happens_has_not_changed() -> None:
+def test_idle_process_has_no_changed_state() -> None:
     before = ProcessState.now()
     assert (before.replaced_names(), before.changed_settings(), before.changed_timing_settings()) == ([], [], [])
     assert replacement_text(before) == ""
@@ -57,7 +57,7 @@ def test_a_name_that_is_removed_is_found(monkeypatch: pytest.MonkeyPatch) -> Non
     assert before.replaced_names()[0].endswith("pipe.is_readable")
 
 
-def test_of_several_replaced_names_the_first_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_message_names_the_first_of_several_replaced_names(monkeypatch: pytest.MonkeyPatch) -> None:
     before = ProcessState.now()
     monkeypatch.setattr(pipe, "is_readable", len)
     monkeypatch.setattr(pipe, "read_message", len)
@@ -71,7 +71,7 @@ def new_module() -> Iterator[str]:
     sys.modules.pop(name, None)
 
 
-def test_modules_that_are_loaded_later_are_no_change(new_module: str) -> None:
+def test_newly_loaded_modules_do_not_count_as_changes(new_module: str) -> None:
     before = ProcessState.now()
     module = types.ModuleType(new_module)
     module.answer = 42  # type: ignore[attr-defined]
@@ -103,7 +103,7 @@ def test_changes_of_process_state_by_imports_are_accepted(new_module: str) -> No
         ("numpy's global random state", lambda: np.random.seed(1), lambda _: None),  # noqa: NPY002
     ],
 )
-def test_changed_process_settings_are_named(
+def test_changed_process_settings_are_reported(
     what: str, change: Callable[[], Any], restore: Callable[[str], Any]
 ) -> None:
     folder = os.getcwd()

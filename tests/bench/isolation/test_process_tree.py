@@ -42,7 +42,7 @@ def work(seconds: float) -> None:
         pass
 
 
-def test_the_processor_time_of_a_process_is_finer_than_the_ticks_of_the_system() -> None:
+def test_processor_time_has_a_finer_resolution_than_system_ticks() -> None:
     """This holds for its own clock; the time of its terminated children is counted in ticks."""
     for _ in range(20):
         work(1.3e-3)
@@ -83,13 +83,13 @@ def test_processes_that_write_to_a_file_are_found(tmp_path: Path) -> None:
                 one.wait()
 
 
-def test_the_processor_time_of_a_process_that_is_gone_is_none() -> None:
+def test_processor_time_of_a_terminated_process_is_zero() -> None:
     ended = subprocess.Popen(["true"])
     ended.wait()
     assert processor_seconds(ended.pid) == 0.0
 
 
-def test_descendants_are_children_and_theirs_with_parents_first(family: psutil.Process) -> None:
+def test_descendants_are_listed_with_parents_before_children(family: psutil.Process) -> None:
     (child,) = family.children()
     assert descendants(family.pid) == [child.pid]
     own = descendants(os.getpid())
@@ -122,7 +122,7 @@ def test_signal_is_sent_to_running_processes(family: psutil.Process) -> None:
         ("kill -40 $$", "its process was killed by signal 40"),
     ],
 )
-def test_the_end_of_a_process_is_told_from_its_wait_status(code: str, words: str) -> None:
+def test_exit_description_follows_from_the_wait_status(code: str, words: str) -> None:
     process = os.spawnlp(os.P_NOWAIT, "sh", "sh", "-c", code)
     _, status = os.waitpid(process, 0)
     assert describe_exit(status) == words

@@ -10,7 +10,7 @@ from proxbench.bench.isolation.child import Assignment
 from proxbench.bench.isolation.supervisor import _SIGNALS, _restore_signals, _signal_pipe, supervise
 
 
-def test_a_signal_is_in_the_pipe_until_the_signals_are_restored() -> None:
+def test_signals_are_written_to_the_pipe_until_handlers_are_restored() -> None:
     before = {number: signal.getsignal(number) for number in _SIGNALS}
     try:
         wakeup = _signal_pipe()
@@ -29,7 +29,7 @@ def test_a_signal_is_in_the_pipe_until_the_signals_are_restored() -> None:
             signal.signal(number, handler)
 
 
-def test_a_supervisor_whose_run_no_longer_waits_ends_without_a_case(tmp_path: Path) -> None:
+def test_supervisor_exits_without_a_case_if_its_run_is_gone(tmp_path: Path) -> None:
     folder = tmp_path / "case"
     assignment = Assignment(b"", "", [], 2**28, folder, {})
     run, orders = socket.socketpair()

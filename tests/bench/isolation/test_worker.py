@@ -76,7 +76,7 @@ def carried_out(action: str) -> Case:
         ("write", Outcome.MISBEHAVED, "changed the numbers"),
     ],
 )
-def test_a_fault_is_named_and_leaves_no_process(action: str, outcome: Outcome, words: str) -> None:
+def test_record_names_the_fault_and_no_process_remains(action: str, outcome: Outcome, words: str) -> None:
     case = carried_out(action)
     record = case.record()
     assert record.outcome is outcome
@@ -103,7 +103,7 @@ def test_the_record_of_a_solver_killed_by_a_signal_shows_where_it_crashed() -> N
     assert "Extension modules" not in printed
 
 
-def test_a_solver_that_replaces_functions_of_the_framework_misbehaves() -> None:
+def test_replacing_framework_functions_is_misbehaviour() -> None:
     record = carried_out("patch").record()
     assert (record.outcome, record.points) == (Outcome.MISBEHAVED, [])
     assert "it replaced " in record.reason
@@ -219,7 +219,7 @@ def test_processes_of_cases_load_no_cached_kernel_after_the_server_has_loaded_al
 
 
 @pytest.mark.slow
-def test_the_server_has_ended_when_its_process_has() -> None:
+def test_fork_server_ends_with_the_process_that_started_it() -> None:
     start = "fork_server._server = fork_server._ServerClient(); print(fork_server._server._process.pid)"
     program = f"from proxbench.bench.isolation import fork_server; {start}"
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:

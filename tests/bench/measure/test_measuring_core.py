@@ -71,7 +71,7 @@ def test_work_on_the_other_cores_is_counted() -> None:
     assert core.busy_cores > 0.5
 
 
-def test_a_probe_is_steady_up_to_a_part_beyond_the_usual_one() -> None:
+def test_probe_is_steady_up_to_the_maximum_ratio() -> None:
     core = MeasuringCore(0, probes=[1.0, 1.0, 1.1, 2.0])
     assert core.is_steady(1.0, MAX_PROBE_RATIO)
     assert not core.is_steady(1.0, MAX_PROBE_RATIO + 0.01)

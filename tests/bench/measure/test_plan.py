@@ -82,7 +82,7 @@ def test_limits_must_be_positive(name: str) -> None:
     ],
     ids=lambda given: given if isinstance(given, str) else "",
 )
-def test_a_setting_that_is_no_number_is_shown(made: Callable[[], object], name: str) -> None:
+def test_error_names_the_setting_that_is_not_a_number(made: Callable[[], object], name: str) -> None:
     with pytest.raises(BenchError, match=f"^`{name}` must be a number, got "):
         made()
 

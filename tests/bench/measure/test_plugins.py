@@ -193,7 +193,7 @@ def test_a_plugin_file_that_ends_the_importing_process_gets_one_sentence(
     assert not (tmp_path / "results").exists()
 
 
-def test_a_missing_file_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_plugin_file_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     for line in ("run --plugin nowhere.py", "list --plugin nowhere.py", "check nowhere.py"):
         assert run_command(line.split()) == 2
         assert "there is no plugin file" in capsys.readouterr().err
@@ -318,7 +318,7 @@ def test_resume_requires_the_file_and_refuses_another_version(written: Callable[
 
 
 @pytest.mark.slow
-def test_a_stored_run_does_not_bring_plugins_into_use_by_itself(
+def test_resuming_a_run_requires_its_plugins_to_be_given(
     written: Callable[..., Path], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = written(GOOD)

@@ -23,7 +23,7 @@ def point(
 
 @pytest.mark.parametrize("is_first", [True, False])
 @pytest.mark.parametrize("worse", [Outcome.RELAXED, Outcome.TIME_LIMIT, Outcome.STALLED, Outcome.WRONG])
-def test_the_worse_outcome_counts_whenever_it_comes(worse: Outcome, is_first: bool) -> None:
+def test_worse_outcome_prevails_in_either_order(worse: Outcome, is_first: bool) -> None:
     good, bad = point(one_round(0)), point(one_round(1), worse, reason="why")
     found = joined(bad, good) if is_first else joined(good, bad)
     assert (found.outcome, found.reason) == (worse, "why")
@@ -36,7 +36,7 @@ def test_the_worse_answer_counts_with_its_verdict(residual: float | None) -> Non
     assert found.residual == found.model_residual == found.verdict["residual"] == residual
 
 
-def test_times_are_those_of_all_rounds_and_answers_are_told_apart() -> None:
+def test_times_cover_all_rounds_and_distinct_answers_are_counted() -> None:
     found = point(one_round(0, 1.0))
     for number, (seconds, answer) in enumerate([(2.0, "a"), (6.0, "b")], 1):
         found = joined(found, point(one_round(number, seconds), answer=answer))
@@ -53,7 +53,7 @@ def test_an_excluded_round_does_not_count() -> None:
     assert not found.measured.is_excluded
 
 
-def test_a_point_with_excluded_rounds_alone_shows_their_times_and_is_excluded() -> None:
+def test_point_with_only_excluded_rounds_keeps_their_times_and_is_excluded() -> None:
     found = joined(point(one_round(0, 5.0, "preempted")), point(one_round(1, 7.0, "unsteady"))).measured
     assert found is not None
     assert found.total_seconds.median == 6.0

@@ -128,7 +128,7 @@ def test_resume_measures_the_missing_and_the_damaged_and_keeps_the_rest(tmp_path
     assert all(len(rounds) >= PASSES for points in sessions for rounds in points)
 
 
-def test_an_unwritable_folder_is_named_before_anything_is_measured(tmp_path: Path) -> None:
+def test_unwritable_folder_is_reported_before_any_measurement(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     events: list[object] = []
     with pytest.raises(Exception, match="cannot write"):

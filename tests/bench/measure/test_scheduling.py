@@ -84,7 +84,7 @@ def test_the_interval_of_a_solver_relative_to_itself_contains_one(made: Run) -> 
     assert found.low <= 1.0 <= found.high
 
 
-def test_tolerances_finer_than_the_last_measured_one_need_no_rounds() -> None:
+def test_case_is_finished_once_a_point_fails() -> None:
     found = case("slow", STEADY, STEADY[:1])
     assert not found.is_finished(PLAN)
     ended = replace(found.points[0], outcome=Outcome.STALLED, status="stalled")

@@ -113,7 +113,7 @@ def test_a_named_suite_is_sampled_alike() -> None:
     assert set(chosen.families.values()) >= {"funnel", "woodpecker", "hard: stacks"}
 
 
-def test_a_known_name_goes_before_a_folder_of_that_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_known_names_take_precedence_over_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("quick", "funnel-30"):
         filled(tmp_path / name, {"boxes": 1})
@@ -139,12 +139,12 @@ def test_a_folder_without_a_sound_file_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suite", ["nowhere/at/all", Path("nowhere")])
-def test_a_folder_that_is_not_there_is_named(suite: str | Path) -> None:
+def test_missing_folder_is_reported(suite: str | Path) -> None:
     with pytest.raises(ProblemError, match="there is no folder nowhere"):
         select(None, suite)
 
 
-def test_pipes_and_links_to_nothing_are_no_members(tmp_path: Path) -> None:
+def test_pipes_and_broken_links_are_ignored(tmp_path: Path) -> None:
     folder = filled(tmp_path, {"boxes": 1})
     (folder / "link.npz").symlink_to(folder / "nowhere")
     os.mkfifo(folder / "pipe.hdf5")
@@ -180,7 +180,7 @@ def test_leading_zeros_of_a_shard_are_ignored() -> None:
 
 
 @pytest.mark.parametrize("given", [[np.eye(3)], [5], [None]])
-def test_anything_but_a_name_a_file_or_a_problem_is_refused(given: Any) -> None:
+def test_objects_other_than_names_files_and_problems_are_refused(given: Any) -> None:
     with pytest.raises(ProblemError, match=r"^`problems` must be names, files or contact problems, not "):
         select(given, "quick")
 

@@ -77,7 +77,7 @@ def test_a_malformed_round_is_refused(changes: dict[str, Any]) -> None:
         read(**changes)
 
 
-def test_work_outside_a_library_is_no_time_of_a_solve_and_no_preemption() -> None:
+def test_uncounted_work_is_neither_solve_time_nor_preemption() -> None:
     """Judging takes 30 ms of each solve; without them, the processor time would look like that of four cores."""
     changes: dict[str, Any] = {**PLAIN, "uncounted": [0.030, 0.030], "processor": [0.040, 0.042]}
     timed = TimedRound.read(changes, wall_seconds=1.0, is_built_in=True)

@@ -137,7 +137,7 @@ def test_a_file_that_is_no_solver_library_is_refused_in_one_sentence(
         solver_spec(f"Shared({__file__})")
 
 
-def test_a_program_that_ends_at_its_start_is_refused_with_its_own_words(program: Path) -> None:
+def test_error_quotes_the_output_of_a_program_that_exits_at_its_start(program: Path) -> None:
     with pytest.raises(PluginError, match="ended with exit code 1; it wrote 'there is no license' to standard error"):
         solver_spec(name_of(program, "unlicensed"))
 

@@ -34,14 +34,14 @@ def heap(dimension: int, friction: float | None) -> tuple[ContactProblem, FloatA
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_contact_points_of_a_heap_come_back_up_to_a_shift(dimension: int) -> None:
+def test_contact_points_of_a_heap_are_recovered_up_to_translation(dimension: int) -> None:
     problem, points = heap(dimension, 0.3)
     found = find_places(problem).positions
     np.testing.assert_allclose(found - found[0], points - points[0], atol=1e-10)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_balls_of_a_heap_come_back_with_their_radii(dimension: int) -> None:
+def test_balls_of_a_heap_are_recovered_with_their_radii(dimension: int) -> None:
     places = find_places(heap(dimension, 0.3)[0])
     assert places.bodies is not None
     np.testing.assert_allclose(places.bodies.radii, [0.01, 0.02, 0.01, 0.02, 0.01], rtol=1e-9)
@@ -106,7 +106,7 @@ def test_impulses_in_space_add_up_to_the_momentum_of_the_bodies(name: str) -> No
     assert min(np.abs(body - drawn).max() for body in pushed) < 1e-12
 
 
-def test_the_corners_of_a_box_come_back() -> None:
+def test_corners_of_a_box_are_recovered() -> None:
     found = find_places(load("hard-sticking-box")).positions
     corners = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, 0.5, 0.0], [0.5, 0.5, 0.0]])
     np.testing.assert_allclose(found, corners, atol=1e-12)
@@ -123,13 +123,13 @@ def test_contacts_without_bodies_are_placed_on_a_grid(name: str) -> None:
     np.testing.assert_array_equal(places.frames[0], [[0, 0, 1], [1, 0, 0], [0, 1, 0]])
 
 
-def test_contacts_on_a_grid_stand_apart() -> None:
+def test_grid_positions_are_distinct() -> None:
     positions = grid_places(10).positions
     assert len({tuple(position) for position in positions}) == 10
 
 
 @pytest.mark.slow
-def test_heaps_that_do_not_touch_stand_apart() -> None:
+def test_separate_heaps_are_placed_apart() -> None:
     places = find_places(load("funnel-1000"))
     distances = np.linalg.norm(places.positions[:, None] - places.positions[None], axis=2)
     np.fill_diagonal(distances, 1.0)

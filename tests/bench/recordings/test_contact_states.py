@@ -28,7 +28,7 @@ def test_a_joint_with_dry_friction_is_never_open() -> None:
     assert states.tolist() == [ContactState.SLIP, ContactState.STICK, ContactState.SLIP]
 
 
-def test_a_joint_sticks_and_rolling_is_no_slip() -> None:
+def test_joints_stick_and_rolling_does_not_count_as_slip() -> None:
     laws = Laws.concatenate([Laws.joints(2), Laws.contacts([0.5], 3, 1).with_rolling(0.1, 2)])
     lanes = np.array([[-3.0, 0, 0, 0, 0], [0.0, 0, 0, 0, 0], [2.0, 0.3, 0.0, 0.2, 0.0]])
     assert contact_states(layout_of(laws), lanes).tolist() == [ContactState.STICK] * 3

@@ -33,7 +33,7 @@ def test_the_curves_of_a_block_are_its_coordinates(tmp_path: Path, record: Calla
 @pytest.mark.parametrize(
     "values", [[-1e-9, 0.0], [0.5, 0.5000000000000001], [-3.0, -3.0 - 4e-16], [1e9, 1e9 + 1e-6], [-1.0000000000000002]]
 )
-def test_curves_that_are_level_but_for_rounding_get_an_axis_of_few_digits(values: list[float]) -> None:
+def test_axis_of_a_constant_curve_does_not_magnify_rounding(values: list[float]) -> None:
     heights = axis_range(values, 1e-6)
     assert heights is not None
     low, high = heights

@@ -22,9 +22,7 @@ DRIVERS = [
 
 @pytest.mark.slow
 @pytest.mark.skipif(not DRIVERS, reason="this machine has no Vulkan driver")
-def test_a_still_has_the_size_of_the_viewer_and_shows_something(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_still_has_the_configured_size_and_is_not_empty(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     line = f"{RECORD} --output {tmp_path}/a.rrd --still {tmp_path}/a.png"
     assert run_command(line.split()) == 0
     assert f"still: {tmp_path}/a.png" in capsys.readouterr().out

@@ -83,7 +83,7 @@ def test_a_solver_that_hangs_is_ended_a_second_after_its_time_limit(tmp_path: Pa
         ("record funnel-30 --solver SORprox --solver SORprox --output new.rrd", "more than once"),
     ],
 )
-def test_a_mistake_gets_one_sentence_and_leaves_files_alone(
+def test_errors_are_reported_in_one_sentence_and_leave_files_unchanged(
     line: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -49,7 +49,7 @@ def test_the_panels_of_the_viewer_are_hidden_and_everything_else_is_kept() -> No
     assert LAYOUT["/selection_panel"]["PanelBlueprint"]["state"] == "Expanded"
 
 
-def test_views_have_the_places_of_their_shares() -> None:
+def test_views_are_sized_in_proportion_to_their_shares() -> None:
     assert view_boxes(LAYOUT, (401, 201)) == {
         "/view/a": (0.0, 0.0, 300.0, 201.0),
         "/view/b": (301.0, 0.0, 401.0, 100.0),
@@ -82,7 +82,7 @@ def test_a_grid_fills_its_rows_from_the_left() -> None:
     }
 
 
-def test_a_film_has_spatial_views_alone() -> None:
+def test_film_shows_only_spatial_views() -> None:
     made = with_spatial_views_only(LAYOUT)
     assert view_boxes(made, (400, 200)) == {"/view/a": (0.0, 0.0, 400.0, 200.0)}
     gone = ("/view/b", "/view/c", "/container/right")

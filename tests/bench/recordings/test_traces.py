@@ -18,7 +18,7 @@ def test_thinning_keeps_all_first_iterations_and_few_of_many() -> None:
     assert max(np.diff(kept)[20:] / np.array(kept[20:-1])) < 0.15
 
 
-def test_curves_are_the_judges_and_end_with_the_last_iterate() -> None:
+def test_recorded_curves_match_the_judge_and_end_with_the_last_iterate() -> None:
     problem, stop = load("funnel-30"), Stop(1e-6, 333)
     solution = create("SORprox").prepare(problem).solve(stop)
     trace = trace_solve(problem, create("SORprox"), stop)
@@ -38,7 +38,7 @@ def test_step_changes_are_differences_of_successive_iterates() -> None:
     np.testing.assert_allclose(trace.step_change[1:], jumps, rtol=1e-12)
 
 
-def test_a_solver_without_iterates_is_seen_at_start_and_end() -> None:
+def test_trace_of_a_solver_without_iterates_has_only_start_and_end() -> None:
     trace = trace_solve(load("hard-sticking-box"), create("ClarabelSOCP"), Stop(1e-6, 100))
     assert len(trace.iterations) == len(trace.shown) == 2
     assert trace.residual[1] < 1e-3

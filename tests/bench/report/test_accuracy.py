@@ -93,7 +93,7 @@ def timed_points(time: float) -> list[Point]:
     return [solved_point(1e-2, [timed_round(turn, time) for turn in range(5)])]
 
 
-def test_a_summary_counts_claims_correct_answers_and_wrong_ones_and_failures_at_the_limit(tmp_path: Path) -> None:
+def test_summary_counts_claims_and_answers_and_charges_failures_the_time_limit(tmp_path: Path) -> None:
     cases = [
         case("A", solved_point(1e-2, [timed_round(0, 0.1)])),
         case("B", wrong(0.5)),

@@ -280,7 +280,7 @@ def test_every_chart_has_its_numbers_beside_it(
 
 
 @pytest.mark.slow
-def test_a_baseline_that_is_not_named_solves_most(reference_run: RunFrames) -> None:
+def test_default_baseline_is_the_solver_that_solves_most(reference_run: RunFrames) -> None:
     solved = seconds_matrix(reference_run, 1e-8).notna().sum()
     assert solved[baseline_of(reference_run)] == solved.max()
     assert baseline_of(reference_run, "Lemke") == "Lemke"

@@ -48,7 +48,9 @@ LITTLE = "pile(balls=5) --duration 0.01 --stepper Moreau(step=1e-3)"
         ("--resume nowhere.npz --force", "--force"),
     ],
 )
-def test_a_mistake_gets_one_sentence_and_leaves_no_file(line: str, words: str, mistake: Callable[[str], str]) -> None:
+def test_errors_are_reported_in_one_sentence_and_leave_no_file(
+    line: str, words: str, mistake: Callable[[str], str]
+) -> None:
     assert words in mistake(f"simulate {line}")
 
 
@@ -84,7 +86,7 @@ def test_a_step_that_is_not_solved_makes_the_exit_code_one(capsys: pytest.Captur
     assert "steps are not solved to 1e-10" in capsys.readouterr().out
 
 
-def test_resuming_takes_what_agrees_and_refuses_what_contradicts(
+def test_resuming_accepts_matching_options_and_refuses_contradicting_ones(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "a.npz"

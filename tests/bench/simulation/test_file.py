@@ -103,7 +103,7 @@ def test_files_of_other_programs_are_recognised(tmp_path: Path) -> None:
     ],
     ids=lambda changes: next(iter(changes)),
 )
-def test_arrays_that_do_not_go_together_are_noticed(stored: Path, changes: dict[str, Any]) -> None:
+def test_inconsistent_arrays_are_refused(stored: Path, changes: dict[str, Any]) -> None:
     rewritten(stored, **changes)
     assert_refused(stored, "is damaged")
 
@@ -119,7 +119,7 @@ def test_a_variable_step_is_stored_in_the_same_file_with_its_switching_points(tm
     assert again.law_states.closed == simulation.law_states.closed
 
 
-def test_a_switching_point_of_no_law_is_noticed(tmp_path: Path) -> None:
+def test_invalid_switching_point_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     switches = simulate(make_simulation_plan("woodpecker(start='cycle')", duration=0.01), file).switches.copy()
     switches["after"] = 99
@@ -147,7 +147,7 @@ def test_a_state_that_is_not_finite_is_noticed(stored: Path) -> None:
         ({"statuses": []}, "is damaged"),
     ],
 )
-def test_a_header_of_another_kind_is_named(stored: Path, change: dict[str, Any], words: str) -> None:
+def test_unsupported_or_damaged_header_is_refused(stored: Path, change: dict[str, Any], words: str) -> None:
     with np.load(stored) as arrays:
         about = json.loads(arrays["about"].tobytes())
     about.update(change)
@@ -170,7 +170,7 @@ def test_a_file_of_format_6_is_continued_and_its_overlaps_are_unknown(stored: Pa
     assert np.isnan(again.steps["overlap"]).sum() == len(steps)
 
 
-def test_a_scene_that_this_version_lacks_is_named(stored: Path) -> None:
+def test_unknown_scene_in_a_file_is_reported(stored: Path) -> None:
     with np.load(stored) as arrays:
         about = json.loads(arrays["about"].tobytes())
     about["plan"]["scene"] = "avalanche"

@@ -28,7 +28,7 @@ Pour = Callable[..., SimulationPlan]
         ({"solver": "Warm(NSGS)", "start": "cold"}, "is a separate option of a simulation; use NSGS with start=warm"),
     ],
 )
-def test_a_number_out_of_range_is_named(numbers: dict[str, float], words: str) -> None:
+def test_error_names_the_invalid_parameter(numbers: dict[str, float], words: str) -> None:
     with pytest.raises(ProxbenchError, match=words):
         make_simulation_plan("pile", {"balls": 2}, **numbers)  # type: ignore[arg-type]
 

@@ -79,7 +79,7 @@ def test_an_exact_motion_is_not_offered_by_a_scene_without_one() -> None:
     assert remote.exact is None
 
 
-def test_an_exact_motion_of_a_plugin_is_one_to_compare_with() -> None:
+def test_exact_motion_of_a_plugin_equals_that_of_the_built_in_scene() -> None:
     remote, here = local_or_remote_scene("bouncing"), make_scene("bouncing_ball")
     assert remote.exact is not None
     assert here.exact is not None
@@ -156,7 +156,7 @@ def test_a_solver_object_solves_in_the_process_of_the_scene() -> None:
     assert not reached.unsolved.any()
 
 
-def test_no_code_of_the_scene_runs_here() -> None:
+def test_plugin_module_is_not_imported_in_the_main_process() -> None:
     simulate(make_simulation_plan("tower(balls=2)", duration=0.01))
     assert PluginFile.read(PLUGIN).module_name not in sys.modules
 

@@ -93,7 +93,7 @@ def test_every_step_of_a_pour_is_solved_to_the_tolerance(flow: Simulation) -> No
     assert not flow.unsolved.any()
 
 
-def test_steps_of_a_jam_that_are_not_solved_are_few_and_counted(jam: Simulation) -> None:
+def test_few_steps_of_a_jam_are_unsolved_and_their_number_is_printed(jam: Simulation) -> None:
     """Sweeps stagnate on piles at rest, so that all attempts may fall short there."""
     missed = int(jam.unsolved.sum())
     assert missed <= 0.05 * jam.n_steps
@@ -132,7 +132,7 @@ def test_energy_never_grows_where_the_law_forbids_it(options: dict[str, object])
 
 
 @pytest.mark.weekly
-def test_projection_gives_no_more_energy_than_lifting_the_balls_costs() -> None:
+def test_energy_added_by_projection_is_at_most_the_work_of_lifting_the_balls() -> None:
     simulation = simulate(pour(1.0, outlet=1.2))
     growth = np.diff(simulation.steps["kinetic_energy"] + simulation.steps["potential_energy"])
     mass = 2500.0 * 4.0 / 3.0 * np.pi * 0.01**3

@@ -94,7 +94,7 @@ def test_a_simulation_takes_the_steps_of_the_bare_stepper(pour: Pour) -> None:
             assert row["residual"] == pytest.approx(judge(step.problem, step.impulses).residual, rel=1e-6, abs=1e-13)
 
 
-def test_steps_are_numbered_on_after_resuming(pour: Pour, tmp_path: Path) -> None:
+def test_step_numbers_continue_after_resuming(pour: Pour, tmp_path: Path) -> None:
     seen: list[int] = []
     simulate(pour(), tmp_path / "a.npz", should_stop=stop_after(5))
     resume_simulation(tmp_path / "a.npz", should_stop=stop_after(2), on_step=[lambda number, step: seen.append(number)])

@@ -171,7 +171,7 @@ def test_the_step_that_led_to_a_state_has_its_contacts_and_impulses(pour: Callab
 
 
 @pytest.mark.parametrize(("line", "kind"), [("report none.npz", "result file"), ("record none.npz", "file")])
-def test_a_result_that_is_missing_is_named(
+def test_missing_result_file_is_reported(
     line: str, kind: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -31,7 +31,7 @@ def test_the_woodpecker_prints_the_published_table_and_draws_its_figure(
 
 
 @pytest.mark.slow
-def test_json_is_all_that_is_printed(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_json_option_prints_only_the_document(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert run_command(f"{TOY} --duration 0.01 --json --output {tmp_path}/toy.npz".split()) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["summary"]["finished"]
@@ -96,7 +96,7 @@ def test_a_fixed_step_is_not_resumed_with_a_variable_one(capsys: pytest.CaptureF
         ),
     ],
 )
-def test_what_contradicts_a_stored_variable_step_is_named_beside_what_is_stored(
+def test_options_that_contradict_a_stored_simulation_are_reported_with_the_stored_values(
     options: str, words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "toy.npz"
@@ -142,7 +142,7 @@ def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureF
         ("--solver Unknown", "Unknown"),
     ],
 )
-def test_bad_input_is_one_sentence_and_leaves_nothing(
+def test_invalid_input_is_reported_in_one_sentence_and_leaves_no_file(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, options: str, words: str
 ) -> None:
     assert run_command(f"{TOY} {options} --output {tmp_path}/toy.npz".split()) == 2

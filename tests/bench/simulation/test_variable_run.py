@@ -59,14 +59,14 @@ def test_each_row_has_the_time_of_its_own_attempts(monkeypatch: pytest.MonkeyPat
     np.testing.assert_array_equal(steps["seconds"], steps["solves"])
 
 
-def test_no_energy_is_gained(tmp_path: Path) -> None:
+def test_energy_does_not_grow(tmp_path: Path) -> None:
     steps = simulate(plan(PERIOD)).steps
     energy = steps["kinetic_energy"] + steps["potential_energy"]
     assert np.diff(energy).max() <= 1e-4 * np.abs(energy).max()
     assert energy[-1] < energy[0]
 
 
-def test_what_is_stored_is_what_was_simulated(tmp_path: Path) -> None:
+def test_stored_simulation_equals_the_original(tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
     simulation = simulate(plan(), file)
     stored = read_simulation(file)
@@ -137,7 +137,7 @@ def test_a_longer_duration_goes_on_and_another_scene_is_refused(tmp_path: Path) 
         resumable_simulation(file, duration=0.005)
 
 
-def test_damaged_and_foreign_files_are_named(tmp_path: Path) -> None:
+def test_damaged_foreign_and_missing_files_are_refused(tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
     simulate(plan(0.01), file)
     cut = tmp_path / "cut.npz"

@@ -116,7 +116,7 @@ def test_a_run_without_some_of_its_cases_says_so_first_in_every_report(stored: R
     assert f"proxbench run --resume {run.folder}" in html
 
 
-def test_cases_that_are_begun_are_counted_beside_those_that_are_whole(stored: Run) -> None:
+def test_partly_measured_cases_are_counted_separately(stored: Run) -> None:
     failed = stored.cases["outcome"] != "measured"
     cases, whole = stored.cases.assign(is_finished=failed), failed.sum()
     (sentence,) = warnings(timed(dataclasses.replace(stored, cases=cases)))
@@ -126,7 +126,7 @@ def test_cases_that_are_begun_are_counted_beside_those_that_are_whole(stored: Ru
 
 
 @pytest.mark.parametrize(("left", "n_named"), [(13, 3), (12, 3), (0, 0)])
-def test_few_missing_cases_are_named_beside_known_ones(left: int, n_named: int, tmp_path: Path) -> None:
+def test_warning_lists_at_most_three_missing_cases(left: int, n_named: int, tmp_path: Path) -> None:
     run = load(store_run(tmp_path / "run", simulated_cases(0, solvers=("A", "B"))))
     (sentence,) = unfinished(dataclasses.replace(run, cases=run.cases.iloc[:left]))
     assert sentence.startswith(f"UNFINISHED: {left} of 16 cases are measured")
@@ -142,7 +142,7 @@ def test_a_run_without_a_contact_says_that_nothing_was_solved(problems: list[str
     assert [sentence.partition(":")[0] for sentence in warnings(made)] == (["EMPTY"] if empty else [])
 
 
-def test_a_finished_run_on_a_steady_machine_warns_of_nothing(stored: Run) -> None:
+def test_finished_run_on_a_steady_machine_has_no_warnings(stored: Run) -> None:
     assert warnings(timed(stored, (1.0, 1.1))) == []
 
 

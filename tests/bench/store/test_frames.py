@@ -76,7 +76,7 @@ def test_columns_are_the_fields_of_the_records_however_little_was_measured(point
     assert run.points["residual"].dtype == run.points["iterations"].dtype == np.float64
 
 
-def test_values_are_those_that_were_stored(stored: Stored) -> None:
+def test_frames_contain_the_stored_values(stored: Stored) -> None:
     run = load(stored([MEASURED, NOT_ATTEMPTED]))
     case, (measured, missing) = run.cases.iloc[0], run.points.to_dict("records")
     assert (case["outcome"], case["n_rows"], case["peak_memory_bytes"]) == ("measured", 3, 2**40)

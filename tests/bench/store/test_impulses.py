@@ -67,7 +67,7 @@ def test_the_worst_answer_under_each_law_is_kept() -> None:
     assert worst([]) == []
 
 
-def test_over_passes_the_worst_answer_stays() -> None:
+def test_worst_answer_of_all_passes_is_kept() -> None:
     bad, good = kept(1e-3, 1e-3, b"a"), kept(1e-9, 1e-9, b"b")
     for first, second in ((bad, good), (good, bad)):
         found = joined(point(first), point(second, number=1)).measured

@@ -175,7 +175,7 @@ def test_different_answers_are_noted_of_a_solver_that_does_not_draw_numbers() ->
 
 
 @pytest.mark.parametrize("excluded", ["preempted", ""])
-def test_a_time_limit_under_load_is_named_as_such(excluded: str) -> None:
+def test_time_limit_under_load_is_noted(excluded: str) -> None:
     measured = measured_in([timed_round(0, 1.0, excluded=excluded)], verdict={})
     point = Point(tolerance=1e-4, outcome=Outcome.TIME_LIMIT, reason="", status="time limit", measured=measured)
     words = "the time limit was reached while other programs used the core"

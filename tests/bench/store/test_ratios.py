@@ -87,7 +87,7 @@ def test_disturbances_of_both_rounds_of_a_pair_cancel() -> None:
     assert found.low > 1.0
 
 
-def test_one_disturbed_round_of_many_moves_a_ratio_little() -> None:
+def test_single_disturbed_round_hardly_changes_a_ratio() -> None:
     times = np.full(9, 2.6)
     times[3] *= 1.9
     assert ratio(rounds(times), rounds(np.ones(9))).value == pytest.approx(2.6)
@@ -178,7 +178,7 @@ STEADY = [1.0, 1.1, 0.9, 1.05, 0.95]
         ([2.0, 2.0], "undecided", "undecided"),
     ],
 )
-def test_a_winner_is_one_only_where_all_others_are_slower(other: list[float], first: str, second: str) -> None:
+def test_solver_is_fastest_only_if_all_others_are_slower(other: list[float], first: str, second: str) -> None:
     both = points(("a", 1e-4, 1e-5, 1.0, "solved"), ("b", 1e-4, 1e-5, float(np.median(other)), "solved"))
     found = standings(both, times_by_point(rounds_frame(a=STEADY, b=other)), 1e-4, 10.0)
     assert list(found["solver"]) == ["a", "b"]

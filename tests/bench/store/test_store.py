@@ -38,12 +38,12 @@ def test_a_case_is_read_back_and_infinity_becomes_null(store: Store, case: CaseR
     assert replace(again, curve=case.curve, points=case.points) == case
 
 
-def test_names_cannot_leave_the_folder(store: Store, case: CaseRecord) -> None:
+def test_case_names_cannot_escape_the_folder(store: Store, case: CaseRecord) -> None:
     store.write_case(case)
     assert only_case(store).parent == store.folder / "cases"
 
 
-def test_names_that_look_alike_in_a_file_name_stay_apart(store: Store, case: CaseRecord) -> None:
+def test_similar_names_get_different_case_files(store: Store, case: CaseRecord) -> None:
     store.write_case(replace(case, solver="S(x=1)"))
     store.write_case(replace(case, solver="S[x=1]"))
     assert len(store.read_cases()[0]) == 2
@@ -70,7 +70,7 @@ def test_another_format_is_noticed(store: Store, case: CaseRecord, monkeypatch: 
     assert "format" in store.read_cases()[1][0]
 
 
-def test_one_case_damaged_leaves_the_others(store: Store, case: CaseRecord) -> None:
+def test_damaged_case_does_not_affect_the_others(store: Store, case: CaseRecord) -> None:
     store.write_case(case)
     only_case(store).write_text("{")
     store.write_case(replace(case, problem="other"))
@@ -113,7 +113,7 @@ def test_a_problem_is_read_back_by_its_digest_and_another_one_in_its_place_is_re
         stored.read_problem(mine.digest)
 
 
-def test_what_was_written_is_restored_and_read_though_its_folder_is_gone(store: Store, case: CaseRecord) -> None:
+def test_store_can_be_read_and_restored_after_its_folder_is_deleted(store: Store, case: CaseRecord) -> None:
     problem = load("hard-groove")
     store.write_problem(problem)
     store.write_case(case)
@@ -143,7 +143,7 @@ def test_a_folder_of_a_run_killed_before_its_start_is_reused(store: Store) -> No
         assert [entry.name for entry in store.folder.iterdir()] == ["cases"]
 
 
-def test_two_writers_are_kept_apart(store: Store) -> None:
+def test_second_writer_is_refused(store: Store) -> None:
     with store.locked(), pytest.raises(BenchError, match="another process is writing"), store.locked():
         pass
 
@@ -160,7 +160,7 @@ def test_a_run_is_not_continued_through_a_link_out_of_it(store: Store, tmp_path:
         pass
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+def test_unwritable_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BenchError, match="cannot write"):
         Store.create(tmp_path / "file" / "run")

@@ -50,7 +50,7 @@ def with_marks(name: str) -> Any:
 
 
 @pytest.mark.parametrize("name", [with_marks(name) for name in VERDICTS])
-def test_a_cheat_ends_as_the_table_says(name: str, tmp_path: Path) -> None:
+def test_each_cheat_gets_the_verdict_in_the_table(name: str, tmp_path: Path) -> None:
     outcome, _, words = VERDICTS[name].partition(": ")
     differences, is_judged = [], words not in COMPARED
     for number in range(TRIES):

@@ -16,7 +16,7 @@ def test_contacts_of_a_pair_are_numbered() -> None:
     assert distinct_keys(["a | b", "a | b", "limit"], np.zeros((3, 2, 3))) == ("a | b", "a | b #1", "limit")
 
 
-def test_a_corner_keeps_its_name_when_contacts_come_in_another_order_and_the_box_slides() -> None:
+def test_corner_keys_persist_when_contacts_are_reordered_and_the_box_slides() -> None:
     pair = ["floor | box"]
     first = distinct_keys(4 * pair, anchors([0, 1, 2, 3]))
     again = distinct_keys(4 * pair, anchors([3, 0, 2, 1], 2.0), first, anchors([0, 1, 2, 3]))

@@ -53,7 +53,7 @@ def test_a_stack_at_rest_is_captured() -> None:
     assert captured_step(model, data).problem.provenance["velocity_error"] < 1e-12
 
 
-def test_impulses_push_coordinates_as_the_forces_do(moved: tuple[Any, Any]) -> None:
+def test_impulses_give_the_generalised_constraint_forces_of_mujoco(moved: tuple[Any, Any]) -> None:
     model, data = moved
     step, after = captured_step(model, data), stepped(model, data)
     force = step.problem.factors.force_directions @ step.impulses / model.opt.timestep
@@ -88,7 +88,7 @@ def test_a_dense_and_a_sparse_jacobian_give_the_same_problem() -> None:
     assert relative(one - other, one) < 1e-12
 
 
-def test_capturing_leaves_the_state_alone() -> None:
+def test_capturing_does_not_modify_the_state() -> None:
     model, data = moving(STACK.format(cone="elliptic", integrator="Euler", solver="Newton"))
     before = copy.copy(data)
     captured_step(model, data)

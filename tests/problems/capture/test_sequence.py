@@ -43,7 +43,7 @@ def test_steps_become_a_suite_with_one_family_a_model(boxes: Path, tmp_path: Pat
     assert {member.family for member in list_folder(output).members} == {"box-stack", "cube"}
 
 
-def test_contacts_keep_their_names(boxes: Path, tmp_path: Path) -> None:
+def test_contact_keys_persist_between_steps(boxes: Path, tmp_path: Path) -> None:
     summary = capture(boxes, tmp_path / "steps", CaptureOptions(duration=0.2, every=10))
     steps = [read_step(file) for file in summary.files]
     assert {len(set(step.keys)) for step in steps} == {12}
@@ -200,7 +200,7 @@ def test_bad_options_are_refused() -> None:
         capture(Path("none.xml"), Path("steps"), CaptureOptions())
 
 
-def test_a_description_of_the_users_own_is_kept(boxes: Path, tmp_path: Path) -> None:
+def test_existing_suite_description_is_kept(boxes: Path, tmp_path: Path) -> None:
     (tmp_path / "suite.toml").write_text('name = "mine"\n')
     capture(boxes, tmp_path, CaptureOptions(duration=0.002))
     assert list_folder(tmp_path).name == "mine"

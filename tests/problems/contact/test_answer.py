@@ -22,7 +22,7 @@ SUM = {"functionals": np.array([[1.0, 1.0, 0.0]]), "values": np.array([3.0])}
         ({"witness": np.ones((1, 3))}, "answer.witness"),
     ],
 )
-def test_parts_that_do_not_fit_are_named(known: dict[str, Any], words: str) -> None:
+def test_inconsistent_parts_of_an_answer_are_refused(known: dict[str, Any], words: str) -> None:
     Answer(impulses=(np.ones(3),), velocity=np.ones(3), witness=np.ones(3), **SUM).check(3)
     with pytest.raises(ProblemError, match=words):
         Answer(**known).check(3)

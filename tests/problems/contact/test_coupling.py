@@ -67,7 +67,7 @@ def test_friction_couples_its_contact_to_the_one_that_bounds_it() -> None:
     assert largest_around(problem, np.array([3.0, 2.0, 1.0])[: problem.n_contacts]).max() == 3.0
 
 
-def test_entries_that_are_stored_as_zero_couple_nothing() -> None:
+def test_stored_zeros_of_the_delassus_matrix_couple_no_contacts() -> None:
     matrix = sp.csr_array((np.array([1.0, 0.0, 0.0, 1.0]), np.array([0, 1, 0, 1]), np.array([0, 2, 4])), shape=(2, 2))
     assert list(components(ContactProblem.from_delassus(matrix, -np.ones(2), dim=1))) == [0, 1]
 

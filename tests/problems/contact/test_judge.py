@@ -63,7 +63,9 @@ def complementary(seed: int) -> tuple[ContactProblem, np.ndarray]:
         ((-1.0, 0.0, 2.0), (0.5, 0.0, -0.25), 0.0),  # the second tangent is equivalent to the first
     ],
 )
-def test_one_contact_by_hand(c: tuple[float, float, float], impulses: tuple[float, ...], violation: float) -> None:
+def test_residual_of_one_contact_agrees_with_calculation_by_hand(
+    c: tuple[float, float, float], impulses: tuple[float, ...], violation: float
+) -> None:
     expected = violation / max(abs(x) for x in c)
     assert judge(one_contact(c), impulses).residual == pytest.approx(expected, abs=1e-15)
 
@@ -129,7 +131,7 @@ def test_turning_tangents_of_equal_stiffness_does_not_matter(seed: int) -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_what_is_not_finite_never_reads_as_success(bad: float) -> None:
+def test_nonfinite_impulses_have_an_infinite_residual(bad: float) -> None:
     verdict = judge(one_contact((-1.0, 0.0, 0.0)), (0.5, bad, 0.0))
     assert verdict.residual == np.inf
     assert verdict.natural_map_q == np.inf
@@ -140,7 +142,7 @@ def test_no_free_velocity_and_no_impulse_is_exact_and_any_working_impulse_is_not
     assert judge(one_contact((0.0, 0.0, 0.0)), (1.0, 0.0, 0.0)).residual == np.inf
 
 
-def test_a_contact_that_nothing_moves_is_infeasible_only_when_it_approaches() -> None:
+def test_immovable_contact_is_infeasible_only_if_it_approaches() -> None:
     for c, infeasible in ((-1.0, True), (1.0, False), (0.0, False)):
         verdict = judge(ContactProblem.from_delassus(np.diag([1.0, 0.0]), (1.0, c), dim=1), np.zeros(2))
         assert verdict.infeasible is infeasible
@@ -238,7 +240,7 @@ def test_a_pyramid_approaches_the_cone_with_the_square_of_its_sides() -> None:
 
 
 @pytest.mark.parametrize("impulses", [np.zeros(2), np.zeros((3, 1)), 0.0])
-def test_impulses_of_the_wrong_shape_are_named(impulses: object) -> None:
+def test_impulses_of_the_wrong_shape_are_refused(impulses: object) -> None:
     with pytest.raises(ProblemError, match="shape"):
         judge(one_contact((-1.0, 0.0, 0.0)), impulses)  # type: ignore[arg-type]
 

@@ -19,7 +19,7 @@ def bullet(speed: float) -> ContactProblem:
     return ContactProblem.from_delassus(np.eye(3), (-speed, 0.0, 0.0), 0.3)
 
 
-def test_an_uncoupled_fast_contact_hides_nothing() -> None:
+def test_uncoupled_fast_contact_does_not_lower_the_residual() -> None:
     funnel = load("funnel-100")
     impulses = create("SORprox").prepare(funnel).solve(Stop(1e-4, max_iterations=10_000)).impulses
     alone = judge(funnel, impulses).residual
@@ -85,7 +85,7 @@ def test_free_fall_bounds_the_local_scale_from_below() -> None:
     ("known", "free_fall"),
     [(0.25, 0.25), (2, 2.0), (0.0, 0.0), (-1.0, 0.0), (np.inf, 0.0), (np.nan, 0.0), ("0.5", 0.0), (None, 0.0)],
 )
-def test_a_free_fall_that_is_no_positive_number_is_unknown(known: object, free_fall: float) -> None:
+def test_invalid_free_fall_counts_as_unknown(known: object, free_fall: float) -> None:
     given = {} if known is None else {FREE_FALL: known}
     assert ContactProblem.from_delassus(np.eye(1), [-1.0], dim=1, provenance=given).free_fall == free_fall
 

@@ -47,7 +47,7 @@ def changed(matrix: np.ndarray, row: int, column: int, value: float) -> np.ndarr
         ({"dim": 5}, "dim"),
     ],
 )
-def test_bad_input_is_named_in_one_sentence(arguments: dict[str, Any], words: str) -> None:
+def test_invalid_input_is_reported_in_one_sentence(arguments: dict[str, Any], words: str) -> None:
     given = {"delassus": G, "free_velocity": C, "friction": 0.3, **arguments}
     with pytest.raises(ProblemError, match=words) as caught:
         ContactProblem.from_delassus(**given)
@@ -69,13 +69,13 @@ def test_bad_input_is_named_in_one_sentence(arguments: dict[str, Any], words: st
         ({"force_directions": "text"}, "W must be"),
     ],
 )
-def test_bad_factors_are_named_in_one_sentence(arguments: dict[str, Any], words: str) -> None:
+def test_invalid_factors_are_refused_with_the_reason(arguments: dict[str, Any], words: str) -> None:
     given = {"force_directions": G, "inverse_mass": np.ones(3), "free_velocity": C, **arguments}
     with pytest.raises(ProblemError, match=words):
         ContactProblem.from_factors(**given)
 
 
-def test_asymmetry_is_admitted_on_request() -> None:
+def test_asymmetric_matrix_is_accepted_on_request() -> None:
     problem = ContactProblem.from_delassus(changed(G, 0, 1, 0.7), C, allow_asymmetric=True)
     assert problem.delassus()[0, 1] == 0.7
 

@@ -59,7 +59,7 @@ def test_the_polygon_projection_satisfies_the_variational_inequality_at_the_corn
 
 
 @pytest.mark.parametrize("sides", [3, 4, 7])
-def test_points_inside_stay(sides: int) -> None:
+def test_points_inside_the_polygon_are_unchanged(sides: int) -> None:
     points = np.random.default_rng(0).uniform(-0.3, 0.3, (50, 2))
     assert onto_polygon(points, np.ones(50), sides) == pytest.approx(points, abs=1e-15)
 

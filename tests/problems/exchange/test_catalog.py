@@ -97,7 +97,7 @@ def test_a_file_without_a_name_has_that_of_the_file(tmp_path: Path) -> None:
         assert load(tmp_path / "wall.npz").digest == problem.digest
 
 
-def test_a_damaged_file_in_the_cache_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_damaged_file_in_the_cache_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PROXBENCH_CACHE", str(tmp_path))
     (tmp_path / "mine.npz").write_bytes(b"no file")
     with pytest.raises(ProblemError, match="damaged"):

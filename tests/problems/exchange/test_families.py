@@ -92,7 +92,7 @@ def test_an_even_sample_of_a_library_that_is_nearly_one_family_has_all_families(
         sampled(families, 20, 0, "evenly")  # type: ignore[arg-type]
 
 
-def test_another_seed_draws_others_and_all_members_are_drawn_alike() -> None:
+def test_samples_vary_with_the_seed_and_draw_all_members_equally_often() -> None:
     families = families_of({"a": 20, "b": 10})
     drawn: Counter[str] = Counter()
     for seed in range(300):

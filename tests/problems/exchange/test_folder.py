@@ -94,7 +94,7 @@ def test_equal_names_in_two_folders_are_distinguished_and_in_one_folder_reported
     assert reason == f"{path} has the name of {folder / 'boxes-2.hdf5'}; rename or exclude it."
 
 
-def test_no_folder_and_an_empty_one_are_refused(tmp_path: Path) -> None:
+def test_missing_or_empty_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="there is no folder"):
         list_folder(tmp_path / "nowhere")
     with pytest.raises(ProblemError, match="there is no problem in"):

@@ -69,7 +69,7 @@ def test_a_kept_asymmetry_that_was_written_here_can_be_read_symmetric(tmp_path: 
 
 @pytest.mark.parametrize(("by", "symmetry"), [(2 * MAX_ASYMMETRY, "mean"), (1e-3, "refuse")])
 @pytest.mark.parametrize("form", ["W", "M"])
-def test_an_asymmetry_beyond_the_remedy_is_refused_with_its_size_and_a_remedy(
+def test_excessive_asymmetry_is_refused_with_its_size_and_a_remedy(
     form: str, by: float, symmetry: Any, tmp_path: Path
 ) -> None:
     matrix = M.copy()
@@ -126,7 +126,7 @@ def test_a_mass_matrix_is_never_kept_unsymmetric(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("option", [{"symmetry": "average"}, {"indefinite": "clip"}])
-def test_an_unknown_word_is_refused_with_the_known_ones(option: dict[str, Any], tmp_path: Path) -> None:
+def test_unknown_repair_option_is_refused(option: dict[str, Any], tmp_path: Path) -> None:
     name, word = next(iter(option.items()))
     with pytest.raises(ProblemError, match=f"`{name}` '{word}' is unknown; "):
         read_fclib(write_data(tmp_path / "p.hdf5", local_data()), **option)

@@ -39,7 +39,7 @@ def test_the_conditioning_is_that_of_the_block_of_a_contact() -> None:
     assert block_conditioning(problem).tolist() == [4.0, 1.0, np.inf]
 
 
-def test_a_survey_says_what_the_file_holds(tmp_path: Path) -> None:
+def test_survey_describes_the_content_of_a_file(tmp_path: Path) -> None:
     crooked = W.copy()
     crooked[0, 1] = 0.3  # compared with 1.5, too much to be made symmetric
     stored = {"solution/r": IMPULSES, "guesses/number_of_guesses": np.array([2]), "fclib_local/info/title": b"stack"}

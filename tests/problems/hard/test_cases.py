@@ -141,7 +141,7 @@ def test_of_many_bodies_on_inclines_only_those_beyond_the_critical_angle_slide(n
 
 
 @pytest.mark.parametrize("name", IMMOVABLE)
-def test_contacts_that_nothing_can_stop_are_found_by_the_judge(name: str) -> None:
+def test_judge_finds_unstoppable_contacts_infeasible(name: str) -> None:
     problem = hard_case(name)
     verdict = judge(problem, np.ones(problem.n_rows))
     assert verdict.infeasible
@@ -159,7 +159,7 @@ def test_beside_the_contact_that_nothing_can_stop_the_others_have_a_solution() -
     assert 0 < stuck < problem.n_rows - 3
 
 
-def test_walls_that_close_in_are_found_by_the_judge() -> None:
+def test_approaching_walls_have_a_large_residual_under_any_impulses() -> None:
     for impulses in ([0.0, 0.0], [1.0, 0.0], [1e9, 1e9]):
         assert judge(hard_case("hard-squeezed"), np.array(impulses)).residual >= 1.0
 
@@ -195,7 +195,7 @@ def test_single_precision_input_is_converted_exactly(name: str) -> None:
     assert judge(problem, witness).residual <= 1e-15
 
 
-def test_single_precision_rounding_of_a_symmetric_matrix_is_forgiven() -> None:
+def test_single_precision_rounding_of_a_symmetric_matrix_is_tolerated() -> None:
     rng = np.random.default_rng(0)
     root = rng.normal(size=(9, 12)).astype(np.float32)
     delassus = np.einsum("ik,jk->ij", root, root)
@@ -206,7 +206,7 @@ def test_single_precision_rounding_of_a_symmetric_matrix_is_forgiven() -> None:
         ContactProblem.from_delassus(delassus.astype(np.float64), np.ones(9), 0.3)
 
 
-def test_cases_are_the_same_each_time_and_every_kind_of_law_occurs() -> None:
+def test_cases_are_reproducible_and_cover_every_kind_of_law() -> None:
     kinds: set[int] = set()
     for name in HARD_CASES:
         problem = hard_case(name)

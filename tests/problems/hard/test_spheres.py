@@ -6,9 +6,9 @@ from proxbench.problems import ContactProblem, ProblemError, judge, load
 from proxbench.problems.hard import GRAVITY, TIME_STEP, hard_case
 from proxbench.problems.hard.spheres import (
     RADIUS,
-    many_resisting_spheres,
-    resisting_sphere,
+    random_spheres_with_rolling_friction,
     slowing_sphere,
+    sphere_on_slope,
     with_rolling_friction,
 )
 from proxbench.solvers import Status, solve
@@ -29,7 +29,7 @@ def rolling(problem: ContactProblem, impulses: np.ndarray) -> tuple[float, float
 def test_a_sphere_stays_on_a_slope_up_to_the_critical_angle_and_rolls_beyond(share: float, solver: str) -> None:
     """tan θ = μ_r/r; beyond, 7/5 v = g Δt (sin θ − μ_r/r cos θ)."""
     for excess in (-0.05, 0.0, 0.05, 0.3):
-        problem, slope = resisting_sphere(excess, share=share), np.arctan(share) + excess
+        problem, slope = sphere_on_slope(excess, share=share), np.arctan(share) + excess
         solution = solve(problem, solver, tolerance=1e-11)
         assert solution.status is Status.SOLVED
         expected = max(0.0, 5.0 / 7.0 * WEIGHT * (np.sin(slope) - share * np.cos(slope)))
@@ -39,7 +39,7 @@ def test_a_sphere_stays_on_a_slope_up_to_the_critical_angle_and_rolls_beyond(sha
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_on_a_steep_slope_it_slides_and_rolls_against_both_frictions(solver: str) -> None:
     """v = g Δt (sin θ − μ cos θ) and 2/5 r ω = g Δt (μ − μ_r/r) cos θ."""
-    problem, slope = resisting_sphere(1.0), np.arctan(0.2) + 1.0
+    problem, slope = sphere_on_slope(1.0), np.arctan(0.2) + 1.0
     speed, turned = rolling(problem, solve(problem, solver, tolerance=1e-11).impulses)
     assert speed == pytest.approx(WEIGHT * (np.sin(slope) - 0.5 * np.cos(slope)), rel=1e-9)
     assert turned == pytest.approx(2.5 * WEIGHT * (0.5 - 0.2) * np.cos(slope), rel=1e-9)
@@ -58,7 +58,7 @@ def test_a_rolling_sphere_stops_when_its_speed_is_used_up(solver: str) -> None:
 
 @pytest.mark.parametrize("axes", [1, 2, 3])
 def test_spheres_that_stick_roll_and_slide_in_all_directions_have_known_impulses(axes: int) -> None:
-    problem = many_resisting_spheres(60, axes)
+    problem = random_spheres_with_rolling_friction(60, axes)
     assert problem.answer is not None
     (known,) = problem.answer.impulses
     assert judge(problem, known).residual <= 1e-13

@@ -141,7 +141,7 @@ def test_without_contacts_bodies_fall_freely_unless_a_margin_closes_them() -> No
     assert find_equilibrium(closed).can_stand
 
 
-def test_a_general_system_has_a_margin_too() -> None:
+def test_margin_applies_to_general_systems() -> None:
     scene = BlockOnIncline(0.1, 0.5, 0.0)
     lifted = State(0.0, np.array([0.0, 1e-4]), np.zeros(2))
     assert find_equilibrium(problem_at_rest(scene.system(), lifted)).imbalance == 1.0

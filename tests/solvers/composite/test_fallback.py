@@ -95,7 +95,7 @@ def test_no_part_starts_after_the_time_limit() -> None:
 
 
 @pytest.mark.parametrize("start", [None, np.zeros(1)], ids=["none", "zero"])
-def test_starting_from_zero_is_tried_once(start: np.ndarray | None) -> None:
+def test_fallback_does_not_repeat_a_start_from_zero(start: np.ndarray | None) -> None:
     first = Scripted()
     fallback_of(first).prepare(ONE).solve(Stop(1e-4, 2000), start)
     assert len(first.tried) == 1
@@ -148,7 +148,7 @@ def test_a_part_without_iterates_makes_a_fallback_without_iterates() -> None:
         ("SORprox, warm_iterations=2.5", "warm_iterations"),
     ],
 )
-def test_unsuitable_parts_and_options_are_named(parts: str, reason: str) -> None:
+def test_unsuitable_parts_and_options_are_refused(parts: str, reason: str) -> None:
     with pytest.raises(SolverError, match=reason):
         create(f"Fallback({parts})")
 

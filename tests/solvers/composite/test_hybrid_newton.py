@@ -45,7 +45,7 @@ def test_ten_thousand_sweeps_alone_do_not_solve_the_heavy_stacks() -> None:
 @pytest.mark.parametrize(
     "name", ["hard-counterexample", "hard-counterexample-mu4", "hard-mixed-laws", "hard-tresca-joint"]
 )
-def test_known_answers_are_met(name: str) -> None:
+def test_velocity_agrees_with_the_known_answer(name: str) -> None:
     problem = load(name)
     solution = solve(problem, "HybridNewton", tolerance=1e-12)
     assert solution.status is Status.SOLVED

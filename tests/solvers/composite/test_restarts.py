@@ -86,7 +86,7 @@ def test_restarts_respect_their_share_of_the_work(
 
 
 @pytest.mark.parametrize("name", ["hard-squeezed", "pile-100"])
-def test_the_speed_of_the_machine_changes_no_bit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_do_not_depend_on_the_speed_of_the_machine(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """One clock runs a thousand times as fast as the other; neither reaches the limit."""
     prepared = create("HybridNewton").prepare(load(name))
 

@@ -73,7 +73,7 @@ def test_a_window_takes_the_work_of_a_fixed_number_of_steps() -> None:
 
 
 @pytest.mark.parametrize("name", ["pile-100", "pile-400-mixed-1", "funnel-planar-1000", "hard-chain-100"])
-def test_nothing_is_prepared_where_the_limit_cannot_decide(name: str) -> None:
+def test_nothing_is_prepared_if_the_limit_exceeds_all_windows(name: str) -> None:
     """A step takes at least 0.3 ms + 5 µs per row; ``MAX_STEPS`` steps of this time exceed the windows here."""
     sequence = sequence_on(name)
     assert longest_window(sequence) >= window_lengths(sequence.problem)[-1]

@@ -56,7 +56,7 @@ def test_a_new_right_hand_side_is_the_same_as_a_new_set_up() -> None:
     assert again.impulses == pytest.approx(fresh.impulses, rel=1e-6, abs=1e-9)
 
 
-def test_every_outer_iteration_is_shown() -> None:
+def test_every_outer_iteration_is_observed() -> None:
     problem = load("funnel-30-early")
     seen: list[tuple[int, np.ndarray]] = []
     solution = (
@@ -88,7 +88,7 @@ def test_the_factor_form_declines_fixed_bounds_with_the_reason() -> None:
 
 
 @pytest.mark.parametrize("options", [{"form": "dual"}, {"memory": -1}, {"memory": 2.5}])
-def test_options_out_of_range_are_named(options: dict[str, object]) -> None:
+def test_error_names_the_invalid_option(options: dict[str, object]) -> None:
     with pytest.raises(SolverError, match=next(iter(options))):
         create("ClarabelCoulomb", **options)
 

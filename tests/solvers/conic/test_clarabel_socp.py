@@ -11,7 +11,7 @@ def block_on_ground(pull: float, friction: float = 0.3) -> ContactProblem:
     return ContactProblem.from_delassus(np.eye(3), (-1.0, pull, 0.0), friction)
 
 
-def test_a_sliding_contact_dilates_as_the_associated_law_demands() -> None:
+def test_sliding_contact_separates_according_to_the_associated_law() -> None:
     """−ξ ∈ N_K(Λ) on the boundary of K: ξ_N = μ‖ξ_T‖; by hand Λ_N = (1 + μ v)/(1 + μ²) with Λ_T = −μ Λ_N."""
     friction, pull = 0.3, 5.0
     solution = solve(block_on_ground(pull, friction), "ClarabelSOCP", tolerance=1e-9)

@@ -10,7 +10,7 @@ from proxbench.solvers.interior.runs import SingleRun
 
 
 @pytest.mark.parametrize("name", ["hard-supports-32", "hard-tresca-joint", "hard-mixed-laws", "funnel-planar-30"])
-def test_it_ends_at_an_answer_under_every_law(name: str) -> None:
+def test_it_solves_problems_of_every_law(name: str) -> None:
     problem = load(name)
     solution = solve(problem, "CentralPath", tolerance=1e-7)
     assert solution.status is Status.SOLVED
@@ -65,7 +65,7 @@ def test_velocities_agree_with_those_of_sweeps() -> None:
     assert np.abs(difference).max() <= 1e-8 * np.abs(problem.free_velocity).max()
 
 
-def test_a_series_is_its_polynomial() -> None:
+def test_series_evaluates_to_its_polynomial() -> None:
     random = np.random.default_rng(0)
     r, u, s = random.normal(size=(2, 3)), random.normal(size=(2, 3)), random.normal(size=2)
     series = Series(2, r, u, s)

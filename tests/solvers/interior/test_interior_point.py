@@ -133,13 +133,13 @@ def test_friction_with_fixed_bounds_and_bounds_of_other_contacts_is_solved() -> 
     assert solution.impulses == pytest.approx([1.0, -0.3, 0.6], abs=1e-7)
 
 
-def test_an_unknown_form_is_refused_in_words() -> None:
+def test_unknown_form_is_refused() -> None:
     with pytest.raises(SolverError, match="must be"):
         create("InteriorPoint", form="dense")
 
 
 @pytest.mark.parametrize("small", [1e-9, 1e-6, 1.0, 1e6])
-def test_small_motions_are_not_taken_for_infeasibility(small: float) -> None:
+def test_small_motions_do_not_prove_infeasibility(small: float) -> None:
     """G d is compared with the size of its own terms, however small both are relative to c."""
     stack = load("hard-stack-2-top-1e8")
     pressed = replace(in_units(stack, mass=small, length=small).problem, name="pressed", answer=None)

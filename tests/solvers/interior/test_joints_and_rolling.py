@@ -18,7 +18,7 @@ def joints(n_rows: int, n_dofs: int) -> ContactProblem:
 
 
 @pytest.mark.parametrize("solver", JOINTS)
-def test_joints_alone_are_a_linear_system(solver: str) -> None:
+def test_impulses_of_joints_alone_solve_a_linear_system(solver: str) -> None:
     problem = joints(4, 9)
     solution = solve(problem, solver, tolerance=1e-10)
     assert solution.status is Status.SOLVED

@@ -130,7 +130,7 @@ def test_an_observer_changes_nothing() -> None:
 
 
 @pytest.mark.parametrize("memory", [-1, 2.0, True, 51, "five"])
-def test_a_memory_out_of_range_is_named(memory: object) -> None:
+def test_memory_out_of_range_is_refused(memory: object) -> None:
     with pytest.raises(SolverError, match="memory"):
         create("AndersonSORprox", memory=memory)
 

@@ -20,11 +20,11 @@ def memories(rate: float, sweeps: int, rule: MeasuredMomentum | None = None) -> 
     return found
 
 
-def test_a_fast_fall_keeps_the_first_memory() -> None:
+def test_fast_convergence_keeps_the_initial_memory() -> None:
     assert memories(0.051, 1000) == pytest.approx([FIRST_MEMORY] * 101)
 
 
-def test_a_slow_fall_doubles_the_memory_up_to_its_bound() -> None:
+def test_slow_convergence_doubles_the_memory_up_to_its_bound() -> None:
     found = memories(1e-4, 2000)
     assert found[1:3] == pytest.approx([FIRST_MEMORY, 2.0 * FIRST_MEMORY])
     assert np.diff(found).min() >= -1e-9
@@ -83,7 +83,7 @@ def test_observed_and_timed_solves_are_equal_to_the_bit(name: str) -> None:
     assert np.array_equal(timed.impulses, observed.impulses)
 
 
-def test_coloured_sweeps_follow_the_rate_too() -> None:
+def test_coloured_sweeps_with_measured_momentum_need_no_more_iterations() -> None:
     problem = load("pile-300")
     options = {"relaxation": 1.1}
     counts = [

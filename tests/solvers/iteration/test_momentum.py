@@ -95,12 +95,12 @@ def test_growing_momentum_needs_about_as_few_sweeps_as_short_and_long_memory(nam
 
 
 @pytest.mark.parametrize("delay", [-1.0, float("inf"), float("nan"), "long"])
-def test_a_delay_out_of_range_is_named(delay: object) -> None:
+def test_delay_out_of_range_is_refused(delay: object) -> None:
     with pytest.raises(SolverError, match="momentum_delay"):
         create("SORprox", momentum=0.5, momentum_delay=delay)
 
 
 @pytest.mark.parametrize("momentum", [-0.1, 1.0, float("nan"), "much"])
-def test_a_momentum_out_of_range_is_named(momentum: object) -> None:
+def test_momentum_out_of_range_is_refused(momentum: object) -> None:
     with pytest.raises(SolverError, match="momentum"):
         create("SORprox", momentum=momentum)

@@ -23,21 +23,21 @@ def test_nan_and_infinity_are_divergence_and_never_success() -> None:
     assert status_of(Monitor(Stop(1e-3)), 4, float("inf")) is Status.DIVERGED
 
 
-def test_growth_by_many_orders_is_divergence() -> None:
+def test_growth_by_many_orders_of_magnitude_is_divergence() -> None:
     monitor = Monitor(Stop(1e-3))
     assert status_of(monitor, 0, 1.0) is None
     assert status_of(monitor, 1, 1e9) is Status.DIVERGED
 
 
-def test_iteration_limit_is_named() -> None:
+def test_iteration_limit_is_reported() -> None:
     assert status_of(Monitor(Stop(1e-3, max_iterations=10)), 10, 0.5) is Status.ITERATION_LIMIT
 
 
-def test_time_limit_is_named() -> None:
+def test_time_limit_is_reported() -> None:
     assert status_of(Monitor(Stop(1e-3, max_seconds=1e-9)), 1, 0.5) is Status.TIME_LIMIT
 
 
-def test_the_clock_stands_while_kernels_compile(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clock_excludes_compilation_time(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock(1.0)
     monkeypatch.setattr(COMPILATION, "seconds", COMPILATION.seconds + 100.0)
     assert clock.elapsed < -99.0
@@ -102,7 +102,7 @@ def test_changing_iterates_are_neither_a_stall_nor_a_cycle() -> None:
     assert repeated(Monitor(Stop(1e-12)), small_one_moves, 2 * LAMBDA, np.array([1e9, 1.0, 1.0])) == 4 * [None]
 
 
-def test_a_temporary_cycle_or_rest_does_not_count() -> None:
+def test_temporary_cycles_and_stalls_are_ignored() -> None:
     monitor = Monitor(Stop(1e-12))
     for _ in range(4):
         assert monitor.check_cycle(LAMBDA, 2 * LAMBDA, LAMBDA) is None

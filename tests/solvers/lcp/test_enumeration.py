@@ -68,7 +68,7 @@ def test_a_joint_with_dry_friction_slips_at_its_fixed_bound() -> None:
     assert solve(problem, "Enumeration", tolerance=1e-12).impulses == pytest.approx([-0.2, -0.1], abs=1e-14)
 
 
-def test_the_rod_with_three_solutions_shows_all_of_them() -> None:
+def test_enumeration_finds_all_three_solutions_of_the_rod() -> None:
     problem = load("hard-three-solutions")
     assert problem.answer is not None
     found = create("Enumeration").prepare(problem).all_solutions(1e-10)  # type: ignore[attr-defined]

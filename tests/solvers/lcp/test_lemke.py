@@ -107,7 +107,7 @@ def test_hard_cases_are_solved_in_its_model_or_refused_with_a_reason(sides: int)
     assert {name for name in unsolved if name != "hard-squeezed" and not name.startswith("hard-immovable")} == set()
 
 
-def test_a_ray_from_a_small_pivot_proves_nothing() -> None:
+def test_ray_from_a_small_pivot_does_not_prove_infeasibility() -> None:
     for name in ("hard-stack-2-top-1e8", "hard-stack-10-top-1e8"):
         problem = load(name)
         assert problem.answer is not None
@@ -168,7 +168,7 @@ def test_a_friction_law_bounded_by_a_contact_elsewhere_is_solved() -> None:
     assert found.impulses == pytest.approx([1.0, 2.0, -0.4, -0.5, 0.0], abs=1e-14)
 
 
-def test_limits_are_kept_and_named() -> None:
+def test_limits_are_respected_and_reported() -> None:
     problem = load("funnel-30")
     few = solve(problem, "Lemke", tolerance=1e-6, max_iterations=10)
     assert (few.status, few.iterations) == (Status.ITERATION_LIMIT, 10)
@@ -194,7 +194,7 @@ def test_a_group_too_large_for_a_tableau_is_refused_with_its_size() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 372, 927, 1325, 1550, 2914, 2962])
-def test_a_ray_at_the_rounding_limit_proves_nothing(seed: int) -> None:
+def test_ray_at_the_rounding_limit_does_not_prove_infeasibility(seed: int) -> None:
     """A solution exists, because c = −G (λ, 0); paths over opposite contacts may still end on rays by rounding."""
     if seed == 1:
         family = Family(n_contacts=6, dim=2, n_dofs=6, mass_exponent=4, density=1.0, friction=0.0)

@@ -28,7 +28,7 @@ def test_only_what_was_written_since_the_start_counts(tmp_path: Path, written: b
     os.close(descriptor)
 
 
-def test_output_that_cannot_be_read_has_no_last_line(tmp_path: Path) -> None:
+def test_unreadable_output_has_no_last_line(tmp_path: Path) -> None:
     file = tmp_path / "output"
     file.write_text("written")
     descriptor, (reading, writing) = os.open(file, os.O_WRONLY), os.pipe()

@@ -45,7 +45,7 @@ def test_it_converges_quadratically_where_contacts_slip_in_space(seed: int) -> N
 
 
 @pytest.mark.parametrize("name", ["hard-mixed-laws", "hard-tresca-joint", "hard-counterexample"])
-def test_known_answers_are_met(name: str) -> None:
+def test_velocity_agrees_with_the_known_answer(name: str) -> None:
     problem = load(name)
     solution = solve(problem, "SemismoothNewton", tolerance=1e-12)
     assert solution.status is Status.SOLVED

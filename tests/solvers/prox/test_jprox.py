@@ -31,7 +31,7 @@ def jprox_by_the_book(problem: ContactProblem, count: int) -> np.ndarray:
     return np.array(iterates)
 
 
-def test_jprox_is_equation_46(
+def test_jprox_iterates_satisfy_equation_46(
     random_spatial: Callable[[int], ContactProblem], first_iterates: Callable[[ContactProblem, str, int], np.ndarray]
 ) -> None:
     problem = random_spatial(0)

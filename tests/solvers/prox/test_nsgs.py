@@ -41,7 +41,7 @@ def test_the_counterexample_of_the_paper_is_solved_in_one_sweep(friction: float)
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
-def test_contacts_apart_from_each_other_are_solved_in_one_sweep(dim: int) -> None:
+def test_uncoupled_contacts_are_solved_in_one_sweep(dim: int) -> None:
     rng = np.random.default_rng(dim)
     n_contacts = 200
     delassus = np.zeros((dim * n_contacts, dim * n_contacts))
@@ -88,7 +88,7 @@ def test_without_friction_a_sweep_is_that_of_projected_gauss_seidel(seed: int) -
 @pytest.mark.parametrize(
     "name", ["hard-mixed-laws", "hard-tresca-joint", "hard-painleve-jam", "hard-duplicated-slider"]
 )
-def test_known_answers_are_met(name: str) -> None:
+def test_velocity_agrees_with_the_known_answer(name: str) -> None:
     problem = load(name)
     solution = solve(problem, "NSGS", tolerance=1e-11)
     assert solution.status is Status.SOLVED

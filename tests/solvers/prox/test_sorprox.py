@@ -166,6 +166,6 @@ def test_slipping_contact_converges_at_the_rate_of_the_theory(friction: float) -
         ({"form": "dense"}, "form"),
     ],
 )
-def test_an_option_out_of_range_is_named(options: dict[str, object], named: str) -> None:
+def test_error_names_the_invalid_option(options: dict[str, object], named: str) -> None:
     with pytest.raises(SolverError, match=named):
         create("SORprox", **options)

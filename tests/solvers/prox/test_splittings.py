@@ -23,7 +23,7 @@ def test_a_sliding_point_is_braked_by_mu_times_its_normal_impulse_and_does_not_l
 
 
 @pytest.mark.parametrize("name", [*COULOMB, "APGD", "SAP"])
-def test_a_point_that_friction_can_hold_stops(name: str) -> None:
+def test_point_within_the_friction_limit_stops(name: str) -> None:
     """Both models agree here: −ξ = 0 lies in every normal cone."""
     solution = solve(slider(5.0), name, tolerance=1e-9)
     assert solution.impulses == pytest.approx([0.5, -1.2, 1.6], abs=1e-7)

@@ -19,9 +19,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, str]:
 
 
 @pytest.mark.slow
-def test_the_exit_code_is_that_of_the_conditions(
-    runs: tuple[str, str, str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_exit_code_is_1_if_a_condition_fails(runs: tuple[str, str, str], capsys: pytest.CaptureFixture[str]) -> None:
     conditions = ["--fail-on", "time>10%", "--fail-on", "solved<"]
     assert run_command(["compare", *runs[:2], *conditions]) == 0
     assert run_command(["compare", runs[0], runs[2]]) == 0

@@ -37,7 +37,7 @@ def test_a_kernel_that_two_processes_need_is_compiled_by_one() -> None:
 
 
 @pytest.mark.slow
-def test_a_part_that_fails_is_an_error_and_its_traceback_is_shown(capfd: pytest.CaptureFixture[str]) -> None:
+def test_failure_in_a_compiling_process_raises_and_shows_its_traceback(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(BenchError, match="a process that compiles kernels has failed"):
         compiled("failing", 3)
     assert "ValueError: invalid literal for int()" in capfd.readouterr().err

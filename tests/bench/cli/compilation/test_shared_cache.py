@@ -38,7 +38,7 @@ print(is_locked())
 
 
 @pytest.mark.slow
-def test_the_lock_of_a_kernel_that_fails_to_compile_is_given_up(tmp_path: Path) -> None:
+def test_lock_is_released_if_a_kernel_fails_to_compile(tmp_path: Path) -> None:
     locks, program = tmp_path / "locks", tmp_path / "failing.py"
     locks.mkdir()
     program.write_text(FAILING)

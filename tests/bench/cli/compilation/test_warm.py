@@ -57,7 +57,7 @@ def test_parts_are_those_of_every_solver_and_simulation() -> None:
 
 
 @pytest.mark.weekly
-def test_afterwards_a_fresh_process_compiles_nothing(tmp_path: Path) -> None:
+def test_second_warm_command_compiles_nothing(tmp_path: Path) -> None:
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     words = [sys.executable, "-c", "from proxbench.bench.cli.main import main; main()", "warm", "--json"]
     counts = []

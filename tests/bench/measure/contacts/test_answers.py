@@ -46,7 +46,7 @@ def test_the_worst_answer_counts_under_either_law(order: int) -> None:
         ([ASSOCIATED, ASSOCIATED], Model.CONVEX, Status.STALLED, Outcome.STALLED),
     ],
 )
-def test_every_claim_is_held_to_the_model_of_its_solver(
+def test_claims_are_judged_by_the_model_of_the_solver(
     rows: list[np.ndarray], model: Model, status: Status, outcome: Outcome
 ) -> None:
     found = judged(*rows, model=model, status=status)
@@ -64,14 +64,14 @@ def point_with(*firsts: ControlSolve, place: str = "in a first solve in a fresh 
     return judge_control_solves(PROBLEM, Model.COULOMB, point, firsts, place)
 
 
-def test_right_first_solves_confirm_a_point() -> None:
+def test_correct_first_solves_leave_the_point_solved() -> None:
     found = point_with(first(SLIDES), first(SLIDES, Status.TIME_LIMIT))
     assert (found.outcome, found.status, found.reason) == (Outcome.SOLVED, "solved", "")
     assert found.measured is not None
     assert (found.measured.residual, found.measured.model_residual) == (1e-7, 1e-8)
 
 
-def test_a_first_solve_that_is_wrong_or_fails_decides() -> None:
+def test_wrong_or_failed_first_solve_determines_the_outcome() -> None:
     wrong = point_with(first(SLIDES), first(2.0 * SLIDES))
     assert wrong.outcome is Outcome.WRONG
     assert wrong.reason.startswith("in a first solve in a fresh process, claimed 1e-06, but judged ")

@@ -83,7 +83,7 @@ def test_a_pass_measures_points_that_are_missing_or_were_not_measured_in_it() ->
     assert not made_case(point(1e-2, passes=2), number=1).is_pending(0)
 
 
-def test_a_failed_point_and_those_behind_it_are_left_as_they_are() -> None:
+def test_failed_points_and_finer_ones_are_not_measured_again() -> None:
     rest = Point(tolerance=1e-4, outcome=Outcome.NOT_ATTEMPTED, status="", reason="0.01 already ended stalled")
     failed = made_case(point(1e-2, Outcome.STALLED, "stalled"), rest, number=1)
     assert [failed.is_pending(level) for level in range(2)] == [False, False]

@@ -129,7 +129,7 @@ TAMPERING: dict[str, tuple[Callable[[], Any], Callable[[], Any]]] = {
 """Changes that a solver may make in its process, and how the test reverts each."""
 
 
-def test_a_known_time_is_charged_exactly_and_copies_of_the_problem_are_not(clock: Clock) -> None:
+def test_known_time_is_charged_exactly_without_copies_of_the_problem(clock: Clock) -> None:
     assert times(measured_round(Timed(clock, 0.25, 0.5), STOP, 0.0)) == [(0.25, 0.5)]
 
 
@@ -182,7 +182,7 @@ def test_preparing_and_solving_have_one_limit_of_time(clock: Clock) -> None:
 
 
 @pytest.mark.parametrize("what", sorted(TAMPERING))
-def test_what_a_solver_leaves_changed_in_its_process_is_named(what: str) -> None:
+def test_process_changes_left_by_a_solver_are_misbehaviour(what: str) -> None:
     act, restore = TAMPERING[what]
     measurement = measured(Timed(Clock()))
     try:
@@ -237,7 +237,7 @@ def test_an_observed_solve_is_not_timed(clock: Clock) -> None:
 
 
 @pytest.mark.parametrize("raises", [False, True])
-def test_garbage_is_not_collected_on_the_clock_and_is_again_afterwards(clock: Clock, raises: bool) -> None:
+def test_garbage_collection_is_disabled_while_timing_and_enabled_afterwards(clock: Clock, raises: bool) -> None:
     solver = Timed(clock, raises=raises)
     measurement = measured(solver)
     assert gc.isenabled()
@@ -260,7 +260,7 @@ def test_garbage_collections_after_the_warm_up_skip_the_objects_that_it_left(clo
         gc.unfreeze()
 
 
-def test_collection_that_the_caller_switched_off_stays_off(clock: Clock) -> None:
+def test_garbage_collection_disabled_by_the_caller_stays_disabled(clock: Clock) -> None:
     gc.disable()
     try:
         measured(Timed(clock)).round(STOP, 0.0)

@@ -75,13 +75,13 @@ def test_a_solver_that_caches_solutions_misbehaves_and_both_times_are_given() ->
 
 
 @pytest.mark.parametrize("controls", [Wrapped("compile")], indirect=True)
-def test_a_solver_that_compiles_on_its_way_is_not_accused(controls: Controls) -> None:
+def test_compiling_during_a_first_solve_is_not_misbehaviour(controls: Controls) -> None:
     assert controls.first_solves(STOP, 1e-3, lambda: 1e-2)[-1].timed.status is Status.SOLVED
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("controls", [Wrapped("load", directions(PROBLEM))], indirect=True)
-def test_a_solver_that_loads_a_kernel_on_the_problem_alone_is_not_accused(controls: Controls) -> None:
+def test_loading_a_kernel_only_for_the_original_problem_is_not_misbehaviour(controls: Controls) -> None:
     solver = Wrapped("load", directions(PROBLEM))
 
     def again() -> float:
@@ -111,7 +111,7 @@ def of_one_solve(seconds: float) -> TimedRound:
     return TimedRound(Status.SOLVED, 1, "", [0.0], [seconds], [seconds], 0, 0, 0.0)
 
 
-def test_work_that_the_clock_of_the_process_does_not_count_is_named() -> None:
+def test_work_beyond_the_clock_of_the_process_is_a_fault() -> None:
     account = ClockAccount(PROBLEM)
     assert account.fault(of_one_solve(1.0), worked=1.0 + SHARE + ROUND_SECONDS) is None
     fault = account.fault(of_one_solve(0.0), worked=ALLOWANCE_SECONDS + 0.1)
@@ -120,7 +120,7 @@ def test_work_that_the_clock_of_the_process_does_not_count_is_named() -> None:
 
 
 @pytest.mark.parametrize(("rounds", "solves", "harness"), [(1, 1, 0.0), (10, 1, 0.0), (10, 4, 0.01), (3, 50, 0.001)])
-def test_each_round_and_each_fresh_problem_explain_work_beside_the_clock(
+def test_each_round_and_each_fresh_problem_adds_to_the_allowed_work(
     rounds: int, solves: int, harness: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """W ≤ (1 + SHARE) P + HARNESS_FACTOR N h + n ROUND_SECONDS + ALLOWANCE_SECONDS with P = 0.1 N seconds."""

@@ -34,7 +34,7 @@ def test_every_registered_solver_takes_part() -> None:
 
 
 @pytest.mark.slow
-def test_each_cell_says_how_it_ended_and_why(cells: list[Cell]) -> None:
+def test_each_cell_has_an_outcome_and_a_reason(cells: list[Cell]) -> None:
     assert len(cells) == len(PROBLEMS) * len(SOLVERS)
     solved = cell(cells, "hard-groove", "SORprox")
     assert solved.outcome is Outcome.SOLVED
@@ -172,7 +172,7 @@ def test_the_command_writes_the_page_or_json(tmp_path: Path, capsys: pytest.Capt
     assert "hard-groove" in capsys.readouterr().err
 
 
-def test_a_sample_of_a_folder_is_even_over_families_and_passes_files_that_cannot_be_read(
+def test_folder_sample_is_even_over_families_and_skips_unreadable_files(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for family in ("boxes", "rocks"):

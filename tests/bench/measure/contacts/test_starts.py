@@ -136,7 +136,7 @@ def test_the_table_compares_the_steps_that_have_both_starts(frames: object) -> N
     assert row["cold_iterations"] == np.mean([cold[name] for name in warm])
 
 
-def test_a_step_whose_predecessor_is_not_in_the_run_is_not_solved_warm(tmp_path: Path) -> None:
+def test_warm_solve_is_skipped_if_the_previous_step_is_not_in_the_run(tmp_path: Path) -> None:
     step = steps_of_a_sequence()[2]
     alone = run(step, "Warm(SORprox)", results=tmp_path, run_id="alone", tolerances=TOLERANCE, passes=1)
     assert "step-1, which is not available" in alone.cases["reason"].iloc[0]

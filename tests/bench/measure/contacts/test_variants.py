@@ -32,7 +32,7 @@ def test_a_problem_in_other_units_is_solved_in_the_same_steps_to_the_same_bits(n
 
 
 @pytest.mark.parametrize("name", ["hard-mixed-laws", "funnel-30"])
-def test_no_digest_or_velocity_of_a_variant_is_that_of_the_problem(name: str) -> None:
+def test_variants_do_not_reveal_the_digest_name_or_answer_of_the_problem(name: str) -> None:
     problem = load(name)
     variants = [disguised_copy(problem, 1e-4), *(in_other_units(problem).problem for _ in range(4))]
     assert problem.digest not in {variant.digest for variant in variants}

@@ -110,7 +110,7 @@ def test_every_problem_is_of_one_machine_and_rounds_name_its_session(away: Run) 
 
 
 @pytest.mark.slow
-def test_lost_problems_are_named_and_others_kept(here: Run, tmp_path: Path) -> None:
+def test_lost_problems_are_reported_and_the_others_are_kept(here: Run, tmp_path: Path) -> None:
     executor = Inline(lost, elsewhere("it"), lost)
     with pytest.raises(BenchError, match=r"^2 of 3 problems could not be measured \(ConnectionError: the worker"):
         measured(executor, tmp_path, run_id="it")

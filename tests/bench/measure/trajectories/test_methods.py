@@ -37,7 +37,7 @@ def test_a_solver_varies_by_its_tolerance_and_the_stepper_stays() -> None:
     assert make_method("NSGS in Moreau(step=1e-3)", [1e-5]).setting(1e-5) == (Moreau(step=1e-3), 1e-5)
 
 
-def test_a_ladder_goes_from_coarse_to_fine_and_has_each_value_once() -> None:
+def test_ladder_is_sorted_from_coarse_to_fine_without_duplicates() -> None:
     assert make_method("Moreau with NSGS", (1e-4, 1e-2, 1e-4)).record.values == [1e-2, 1e-4]
 
 

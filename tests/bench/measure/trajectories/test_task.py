@@ -68,7 +68,7 @@ def test_a_point_has_the_times_of_its_undisturbed_members_and_keeps_all_rounds(c
     assert measured.processor_seconds.median == 3.0
 
 
-def test_a_failed_member_has_a_round_and_no_part_in_the_times(case: TrajectoryCase) -> None:
+def test_failed_members_are_counted_but_excluded_from_the_times(case: TrajectoryCase) -> None:
     good, failed = simulated(), simulated(values={}, status="stalled")
     answers = [(good, 1.0), (failed, 9.0), (good, 3.0)]
     measured = case.point(1e-6, [Member(one, timed_round(0, seconds)) for one, seconds in answers]).measured

@@ -41,7 +41,7 @@ def test_planar_walls_stand_left_and_right() -> None:
     assert sorted(np.sign(mesh.vertices[:, 0].mean()) for mesh in meshes) == [-1, -1, 1, 1]
 
 
-def test_many_small_turns_are_one_large_one() -> None:
+def test_many_small_rotations_compose_to_one_large_rotation() -> None:
     spins = np.array([[0.0, 0.0, 2.0 * np.pi], [1.0, -2.0, 0.5], [0.0, 0.0, 0.0]])
     orientations = identity_orientations(3)
     for _ in range(100):
@@ -51,7 +51,7 @@ def test_many_small_turns_are_one_large_one() -> None:
     np.testing.assert_allclose((found.inv() * expected).magnitude(), 0.0, atol=1e-12)
 
 
-def test_turns_about_different_axes_follow_in_space_not_in_the_body() -> None:
+def test_rotations_compose_about_axes_fixed_in_space() -> None:
     first, second = np.array([[0.3, 0.0, 0.0]]), np.array([[0.0, 0.0, 0.7]])
     found = Rotation.from_quat(turned(turned(identity_orientations(1), first, 1.0), second, 1.0))
     expected = Rotation.from_rotvec(second) * Rotation.from_rotvec(first)

@@ -35,5 +35,5 @@ def test_lines_of_the_grid_are_at_multiples_of_their_distance_from_the_origin() 
 
 
 @pytest.mark.parametrize(("width", "spacing"), [(5.0, 1.0), (9.9, 1.0), (10.0, 2.0), (26.0, 5.0), (0.04, 0.005)])
-def test_distances_of_lines_are_round(width: float, spacing: float) -> None:
+def test_grid_spacing_is_a_round_number(width: float, spacing: float) -> None:
     assert grid_spacing(width) == pytest.approx(spacing)

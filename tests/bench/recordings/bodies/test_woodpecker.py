@@ -65,7 +65,7 @@ def test_the_beak_meets_the_pole_when_it_pecks(
 
 
 @pytest.mark.slow
-def test_energy_is_kept_in_flight_and_lost_at_contacts(
+def test_energy_is_conserved_in_flight_and_lost_at_contacts(
     period: tuple[Path, list[Step]], read_back: Callable[[Path], Any]
 ) -> None:
     energy = np.array(list(read_back(period[0]).curve("/curves/energy/total").values()))

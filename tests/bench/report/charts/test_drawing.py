@@ -17,7 +17,7 @@ def test_a_logarithmic_scale_is_a_little_wider_than_the_values() -> None:
     assert "domain" not in log_scale(alt.NamedData(name="rows"), ["low"]).to_dict()
 
 
-def test_notes_are_wrapped_and_lose_no_word() -> None:
+def test_wrapping_a_note_keeps_every_word() -> None:
     note = "not shown: " + ", ".join(f"Solver{k}" for k in range(60))
     lines = heading("title", ["", note], 400.0).to_dict()["subtitle"]
     assert len(lines) > 3

@@ -59,7 +59,7 @@ def test_a_shortened_file_is_written_again(bundler: Bundler, tmp_path: Path) -> 
     assert bundler.calls == 2
 
 
-def test_another_version_of_the_library_bundles_again(bundler: Bundler, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_new_library_version_rebuilds_the_bundle(bundler: Bundler, monkeypatch: pytest.MonkeyPatch) -> None:
     drawing_script()
     monkeypatch.setattr(metadata, "version", lambda name: "0.0")
     asked_again()

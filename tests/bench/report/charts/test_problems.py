@@ -23,7 +23,7 @@ def in_legends(chart: dict[str, Any]) -> set[str]:
     return {name for panel in chart["vconcat"] for name in panel["layer"][0]["encoding"]["color"]["legend"]["values"]}
 
 
-def test_accuracy_is_the_judged_residual_never_the_tolerance(finished_run: Path) -> None:
+def test_accuracy_axis_shows_the_judged_residual_not_the_tolerance(finished_run: Path) -> None:
     chart = json.loads(work_precision(load(finished_run), "funnel-30").to_json())
     fields = {layer["encoding"]["x"]["field"] for layer in chart["layer"] if layer["mark"]["type"] != "text"}
     assert fields == {"residual"}

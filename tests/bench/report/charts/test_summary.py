@@ -32,7 +32,7 @@ def test_means_and_shares_are_those_of_the_summary_table(finished_run: Path) -> 
 
 
 @pytest.mark.slow
-def test_counts_are_what_the_judge_and_the_solver_say(finished_run: Path) -> None:
+def test_counts_match_the_claims_and_the_verdicts(finished_run: Path) -> None:
     frames = load(finished_run)
     counts = {(row["solver"], row["tolerance"]): row for row in rows(success_chart(frames), "claimed")}
     for row in summary_table(frames).to_dict("records"):

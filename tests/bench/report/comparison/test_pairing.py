@@ -75,7 +75,7 @@ def test_warm_cases_of_other_starts_are_left_out_and_named(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_other_versions_are_named_and_times_compared(tmp_path: Path, before: Path) -> None:
+def test_different_library_versions_are_noted_and_do_not_prevent_the_comparison(tmp_path: Path, before: Path) -> None:
     machine = msgspec.structs.replace(MACHINE, versions={"numpy": "3"})
     found = compare(before, store_run(tmp_path / "after", simulated_cases(1), machine))
     assert "not the same: numpy 2, now 3" in found.notes

@@ -64,7 +64,7 @@ def test_a_case_that_hangs_where_it_took_a_part_of_its_limit_is_unsolved(tmp_pat
     assert changes(tmp_path, case_of(solved(), wall_seconds=1.0), timeout) == ["unsolved"]
 
 
-def test_the_same_in_both_runs_is_no_change(tmp_path: Path) -> None:
+def test_identical_runs_have_no_changes(tmp_path: Path) -> None:
     assert changes(tmp_path, case_of(solved()), case_of(solved())) == []
     reached = compare(tmp_path / "before", tmp_path / "after")
     assert reached.failures("solved<") == []

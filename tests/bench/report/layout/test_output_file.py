@@ -97,7 +97,7 @@ def test_unwritable_outputs_are_rejected_and_the_check_leaves_no_file(tmp_path: 
 
 
 @pytest.mark.parametrize("error", [BenchError("no space left."), ValueError("no\nspace left"), MemoryError()])
-def test_a_drawing_that_fails_says_where_the_result_is(error: Exception) -> None:
+def test_failed_drawing_reports_where_the_result_is_kept(error: Exception) -> None:
     def draw() -> list[Path]:
         raise error
 

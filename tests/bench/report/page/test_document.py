@@ -150,7 +150,7 @@ def test_a_run_of_one_solver_has_a_page_and_charts(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_text_of_a_run_cannot_close_its_html_element() -> None:
+def test_stored_text_cannot_inject_html_elements() -> None:
     frames = load(REFERENCE)
     hostile = "</script><script>alert(1)</script><!-- <img src=x onerror=alert(1)> & \u2028"
     frames.cases.loc[0, ["stderr", "reason", "family"]] = hostile
@@ -193,7 +193,7 @@ def test_the_command_of_a_run_names_all_that_it_measured() -> None:
 @pytest.mark.parametrize(
     "name", ["NSGS", "S(form='factors')", "it's $HOME `ls` \\", "both \" and '", "-x; rm *", "!1 'a'"]
 )
-def test_a_name_is_one_word_of_a_command(name: str) -> None:
+def test_names_are_quoted_as_one_shell_word(name: str) -> None:
     assert shlex.split(option("solver", name)) == ["--solver", name]
 
 

@@ -337,7 +337,9 @@ def renamed(table: pd.DataFrame, names: dict[str, dict[str, str]]) -> pd.DataFra
 
 
 @pytest.mark.slow
-def test_names_and_messages_of_a_run_stay_text(browser: Chromium, tmp_path: Path, reference_run: RunFrames) -> None:
+def test_names_and_messages_are_displayed_as_plain_text(
+    browser: Chromium, tmp_path: Path, reference_run: RunFrames
+) -> None:
     attack = (
         '<img src=x onerror="window.hacked=1"></script><script>window.hacked=2</script>{{datum}}\'"`${window.hacked=3}'
     )

@@ -106,7 +106,7 @@ def test_a_thick_arch_stands_and_a_thin_one_does_not(stones: int) -> None:
         ("bodies-wall", True),
     ],
 )
-def test_bodies_stand_or_fall_as_their_names_say(name: str, stands: bool) -> None:
+def test_equilibrium_agrees_with_the_name_of_the_problem(name: str, stands: bool) -> None:
     assert find_equilibrium(body_problem(name)).can_stand == stands
 
 
@@ -170,7 +170,7 @@ def test_boxes_of_a_drum_touch_staves_that_they_cannot_move_and_a_struck_wall_it
     assert 0 < ball.sum() < struck.n_rows
 
 
-def test_a_step_without_contacts_is_no_problem(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_step_without_contacts_cannot_become_a_problem(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(body_recipes(), "bodies-apart", BodyRecipe(BoxPile(2)))
     with pytest.raises(ProblemError, match="no contact is active in step 0 of the scene of 'bodies-apart'"):
         body_problem("bodies-apart")

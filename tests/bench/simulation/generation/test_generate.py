@@ -39,7 +39,7 @@ def test_every_problem_that_is_not_a_formula_has_a_recipe() -> None:
     assert set(recipes()) == set(SUITES["all"]) - set(HARD_CASES)
 
 
-def test_the_pile_that_resists_rolling_is_the_frozen_pile_with_another_law() -> None:
+def test_rolling_pile_is_the_frozen_pile_with_rolling_friction_added() -> None:
     recipe = recipes()["pile-100-rolling"]
     assert isinstance(recipe, RollingRecipe)
     resisting = with_rolling_friction(load(recipe.problem), recipe.rolling_friction)

@@ -18,6 +18,6 @@ def test_a_path_through_a_link_out_of_the_folder_is_left_out(tmp_path: Path) -> 
     assert read_outputs(stored, tmp_path / "results" / "a.npz") == SimulationOutputs()
 
 
-def test_paths_beside_the_result_come_back(tmp_path: Path) -> None:
+def test_paths_beside_the_result_round_trip(tmp_path: Path) -> None:
     outputs, result = SimulationOutputs(tmp_path / "a.svg", tmp_path / "films" / "a.rrd"), tmp_path / "a.npz"
     assert read_outputs(outputs.document(result), result) == outputs

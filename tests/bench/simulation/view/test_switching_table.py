@@ -85,11 +85,11 @@ def test_complete_periods_and_times_from_section_to_section_are_distinguished(pe
     assert "was not crossed twice, so there is no time from section to section" in text
 
 
-def test_a_single_unsolved_step_is_in_the_singular() -> None:
+def test_message_about_one_unsolved_step_is_singular() -> None:
     assert "1 of 13 steps is not solved to 1e-12; largest residual 1.0e-03" in printed(pecking(1.0, residual=1e-3))
 
 
-def test_nothing_is_tabulated_where_nothing_switches() -> None:
+def test_motion_without_switching_points_has_no_table() -> None:
     text = printed(pecking(0.0))
     assert "no switching points\n" in text
     assert "law" not in text.replace("laws", "")

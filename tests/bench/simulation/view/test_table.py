@@ -37,7 +37,7 @@ def made(times: np.ndarray, **columns: object) -> Simulation:
     return simulation
 
 
-def test_a_row_is_a_tenth_of_a_second_whatever_rounding_does_to_its_border() -> None:
+def test_table_rows_span_a_tenth_of_a_second_despite_rounding() -> None:
     times = np.cumsum(np.full(3000, 1e-4))  # the border 0.1 is reached at 0.10000000000000184
     rows = list(windows(made(times, contacts=np.arange(3000))))
     assert [row.steps for row in rows] == [1000, 1000, 1000]
@@ -76,7 +76,7 @@ def test_unsolved_steps_are_shown_with_their_number_the_worst_one_and_what_the_s
     assert "the judge confirms that every step is solved to 1e-04" in printed(simulate(pour()))
 
 
-def test_a_single_step_is_in_the_singular() -> None:
+def test_messages_about_one_step_are_singular() -> None:
     text = printed(made(np.array([0.1, 0.2]), residual=[1e-3, 0.0]))
     assert "1 of 2 steps is not solved to 1e-04" in text
     assert "no contact, 1 time\n" in text
@@ -84,7 +84,7 @@ def test_a_single_step_is_in_the_singular() -> None:
 
 
 @pytest.mark.slow
-def test_a_solver_of_an_easier_model_is_named_as_such(pour: Pour) -> None:
+def test_table_states_that_a_solver_uses_the_convex_model(pour: Pour) -> None:
     text = printed(simulate(pour(solver="ClarabelSOCP", tolerance=1e-6)))
     assert "the solver uses the convex model, not Coulomb friction" in text
     assert "another law" not in printed(simulate(pour(solver="SORprox", max_iterations=1, tolerance=1e-10)))
@@ -135,7 +135,7 @@ def test_steps_in_which_fast_contacts_hide_others_are_named_with_their_local_res
 
 
 @pytest.mark.parametrize("width", [80, 120])
-def test_no_head_and_no_number_is_cut(width: int) -> None:
+def test_table_headings_and_numbers_are_never_truncated(width: int) -> None:
     times = 0.1 * np.arange(1, 12)
     big = made(
         times,
@@ -160,7 +160,7 @@ def test_the_summary_relates_the_time_of_steps_alone_to_simulated_time() -> None
     assert "3 s wall: 1.5 s per simulated second" in printed(simulation, 80)
 
 
-def test_the_live_summary_fits_and_says_how_far_it_is(pour: Pour) -> None:
+def test_live_summary_fits_the_terminal_and_shows_progress(pour: Pour) -> None:
     console = Console(file=io.StringIO(), width=80, force_terminal=True)
     with LiveSummary(console) as live:
         live._interval = 0.0

@@ -45,7 +45,7 @@ def parts(honest: Bundle, tmp_path: Path) -> list[Path]:
     ]
 
 
-def test_a_bundle_alone_becomes_the_run_that_it_was(made: Run, file: Path, tmp_path: Path) -> None:
+def test_merging_a_single_bundle_restores_its_run(made: Run, file: Path, tmp_path: Path) -> None:
     again = merge(file, tmp_path, "it")
     assert (again.info, by_case(again)) == (made.info, by_case(made))
     assert again.points.equals(made.points)
@@ -97,7 +97,7 @@ def test_merge_names_a_missing_shard(parts: list[Path], tmp_path: Path) -> None:
     assert missing == ["shard 1/2 is missing."]
 
 
-def test_a_run_of_several_machines_says_so_and_is_steady_where_each_is(parts: list[Path], tmp_path: Path) -> None:
+def test_run_on_several_machines_warns_and_measures_drift_per_machine(parts: list[Path], tmp_path: Path) -> None:
     whole = merge(parts, tmp_path, "whole")
     assert hosts(whole) == {"one": 2, "two": 1}
     assert session_differences(whole) == []

@@ -114,7 +114,7 @@ def test_the_summary_counts_the_residuals_that_agree_to_the_bit() -> None:
 
 
 @pytest.mark.parametrize("place", range(12))
-def test_rounding_of_any_single_impulse_agrees(place: int) -> None:
+def test_rounding_of_a_single_impulse_is_not_a_disagreement(place: int) -> None:
     """One contact is a million times stiffer than the others, so that its rounding alone decides the residual."""
     stiffness = np.ones(12)
     stiffness[place] = 1e6

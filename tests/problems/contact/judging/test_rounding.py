@@ -79,7 +79,7 @@ def test_zero_impulses_have_no_rounding_error() -> None:
 
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
-def test_a_velocity_that_is_no_number_is_no_solution(dim: int) -> None:
+def test_nan_velocity_has_an_infinite_residual(dim: int) -> None:
     problem = ContactProblem.from_delassus(np.eye(dim), np.eye(dim)[0], 0.5, dim=dim)
     rolling = ContactProblem.from_delassus(np.eye(4), np.eye(4)[0], laws=Laws.contacts(0.5, 3, 1).with_rolling(0.1, 1))
     for one in (problem, rolling):
@@ -91,7 +91,7 @@ def test_a_velocity_that_is_no_number_is_no_solution(dim: int) -> None:
 
 
 @pytest.mark.parametrize("impulses", [(1e200, 0.0, 0.0), (1e170, 1e160, -1e160), (0.0, 1e155, 1e155)])
-def test_squares_that_overflow_hide_nothing(impulses: tuple[float, float, float]) -> None:
+def test_overflowing_squares_do_not_hide_a_residual(impulses: tuple[float, float, float]) -> None:
     problem = ContactProblem.from_delassus(np.diag([0.0, 1.0, 1.0]), (1.0, 0.5, 0.0), 0.5)
     assert judge(problem, impulses).residual >= 0.5
 

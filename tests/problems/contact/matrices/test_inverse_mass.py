@@ -39,7 +39,7 @@ def test_the_root_is_a_root_with_the_same_blocks() -> None:
     assert set(zip(*inverse.root.nonzero(), strict=True)) <= set(zip(*inverse.matrix.nonzero(), strict=True))
 
 
-def test_zeros_that_are_stored_couple_nothing() -> None:
+def test_stored_zeros_of_the_mass_matrix_couple_no_coordinates() -> None:
     mass = sp.csr_array(np.full((3, 3), 7.0))
     mass.data[:] = np.diag([2.0, 4.0, 8.0]).ravel()
     inverse = InverseMass.of_mass(mass)

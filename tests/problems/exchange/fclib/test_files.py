@@ -249,7 +249,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_stray_one(tmp_path: Path, mon
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_other_names_missing_files_and_wrong_impulses_are_named(tmp_path: Path) -> None:
+def test_wrong_extensions_missing_files_and_invalid_impulses_are_refused(tmp_path: Path) -> None:
     problem = load("hard-sticking-box")
     with pytest.raises(ProblemError, match=r"name it p\.hdf5"):
         write_fclib(problem, tmp_path / "p.npz")

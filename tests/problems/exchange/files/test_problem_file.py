@@ -35,7 +35,7 @@ def test_every_number_survives_the_file(tmp_path: Path) -> None:
     assert {name: parts for name, parts in changed.items() if parts} == {}
 
 
-def test_data_lost_in_a_file_would_be_reported() -> None:
+def test_comparison_of_problems_detects_changed_or_missing_data() -> None:
     problem = load("hard-groove")
     assert problem.answer is not None
     assert changes(problem, problem.fresh()) == []
@@ -78,7 +78,7 @@ def test_pickled_objects_are_refused(tmp_path: Path) -> None:
         read_problem(tmp_path / "p.npz")
 
 
-def test_missing_files_and_unwritable_folders_are_named(tmp_path: Path) -> None:
+def test_missing_files_and_unwritable_folders_are_reported(tmp_path: Path) -> None:
     with pytest.raises(ProblemError, match="there is no problem file"):
         read_problem(tmp_path / "none.npz")
     (tmp_path / "file").write_text("")
@@ -146,7 +146,7 @@ def test_contacts_alone_keep_the_format_that_older_versions_read(
         assert json.loads(arrays["about"].tobytes().decode())["format"] == number
 
 
-def test_a_number_that_is_not_valid_is_named_with_its_file(tmp_path: Path) -> None:
+def test_invalid_number_is_reported_with_its_file_and_index(tmp_path: Path) -> None:
     save_problem(load("funnel-30"), tmp_path / "p.npz")
     with np.load(tmp_path / "p.npz") as content:
         arrays = dict(content)

@@ -58,7 +58,7 @@ def test_stored_solution_of_kamino_is_judged_and_solve_improves_it() -> None:
     assert judge(problem, solution.impulses).residual <= 1e-8
 
 
-def test_the_preconditioner_is_undone() -> None:
+def test_import_removes_the_preconditioner() -> None:
     scaled = problem_of_arrays(DUMP, Repair())
     diagonal = DUMP["D"].diagonal() / DUMP["P"].astype(np.float64) ** 2
     order = np.arange(36).reshape(-1, 3)[:, [2, 0, 1]].ravel()

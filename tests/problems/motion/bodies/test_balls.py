@@ -127,7 +127,7 @@ def test_there_are_no_overlaps_where_none_is_deeper_than_tolerated() -> None:
     ("name", "value"),
     [("friction", -0.1), ("restitution_normal", 1.5), ("dimension", 4), ("masses", np.array([0.0])), ("radii", [-1.0])],
 )
-def test_a_number_out_of_range_is_named(name: str, value: object) -> None:
+def test_error_names_the_invalid_parameter(name: str, value: object) -> None:
     arguments = {"radii": np.ones(1), "masses": np.ones(1), "surfaces": [], "dimension": 3, name: value}
     with pytest.raises(ProblemError, match=name):
         BallSystem(**arguments)  # type: ignore[arg-type]

@@ -58,7 +58,7 @@ def test_a_step_has_the_contacts_that_are_closed_at_its_midpoint() -> None:
     assert two_blocks().assemble(np.array([0.3, 0.0]), np.zeros(2), 0.1).contacts is None
 
 
-def test_contacts_that_vary_without_end_fill_no_memory() -> None:
+def test_cache_of_contact_patterns_is_bounded() -> None:
     count = 8
     system = two_blocks(
         mass=lambda position: np.eye(count),

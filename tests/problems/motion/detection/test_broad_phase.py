@@ -72,7 +72,7 @@ def test_sorting_cells_by_counting_or_comparing_finds_the_same_pairs() -> None:
     assert np.array_equal(found, overlapping_pairs(far, np.append(radii, 0.5)))
 
 
-def test_one_ball_far_away_costs_no_memory_and_no_pairs() -> None:
+def test_distant_ball_needs_no_memory_and_adds_no_pairs() -> None:
     centres = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, -1e6]])
     assert overlapping_pairs(centres, np.full(3, 0.3)).tolist() == [[0, 1]]
 

@@ -99,7 +99,7 @@ def test_a_cylinder_that_rolls_far_from_the_centre_of_a_slab_is_in_contact_at_ev
 
 
 @pytest.mark.parametrize(("is_upright", "count"), [(False, 2), (True, 12)])
-def test_features_last_while_a_cylinder_turns_about_its_axis(is_upright: bool, count: int) -> None:
+def test_features_persist_while_a_cylinder_rotates_about_its_axis(is_upright: bool, count: int) -> None:
     """Features stay at the ends of the contact line of a lying cylinder, and at points fixed to an upright one."""
     labels, rng = [], np.random.default_rng(0)
     for turn in np.linspace(0.0, 2.0, 101):

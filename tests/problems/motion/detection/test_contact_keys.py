@@ -23,7 +23,7 @@ def test_contacts_of_one_pair_share_its_number_and_no_others_do() -> None:
 
 
 @pytest.mark.parametrize("numbers", [(0, 1), (1, 0), (2**31, 2), (2**21, 2**21)])
-def test_numbers_without_keys_are_refused(numbers: tuple[int, int]) -> None:
+def test_invalid_numbers_of_bodies_or_features_are_refused(numbers: tuple[int, int]) -> None:
     with pytest.raises(ProblemError, match="63 bits"):
         ContactKeys(*numbers)
 

@@ -80,7 +80,7 @@ def test_contacts_of_other_pairs_of_faces_have_other_features() -> None:
             seen |= features
 
 
-def test_features_last_while_a_box_shakes() -> None:
+def test_features_persist_under_tiny_motions_of_a_box() -> None:
     features = set()
     rng = np.random.default_rng(0)
     for _ in range(100):

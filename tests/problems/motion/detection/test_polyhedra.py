@@ -96,7 +96,7 @@ def test_the_order_of_bodies_turns_the_normal_round_and_changes_nothing_else() -
     assert np.sort(swapped.gap) == pytest.approx(np.sort(found.gap), abs=1e-12)
 
 
-def test_features_last_while_a_body_slides_a_little() -> None:
+def test_features_persist_while_a_body_slides_slightly() -> None:
     features = []
     for shift in np.linspace(0.01, 0.05, 9):
         shapes, poses = stacked(np.array([shift, 0.02, -1e-4]), 0.05)

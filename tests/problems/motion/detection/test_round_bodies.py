@@ -178,7 +178,7 @@ def test_parallel_capsules_touch_where_their_common_part_ends() -> None:
     assert sorted(found.point[:, 2]) == pytest.approx([0.05, 0.45])
 
 
-def test_a_capsule_right_through_a_box_is_pushed_out_the_short_way() -> None:
+def test_capsule_through_a_box_is_pushed_out_along_the_shortest_way() -> None:
     box = Box((3.0, 0.4, 1.0))
     found = contacts(CAPSULE, box, at((0.0, 0.0, 0.4), LYING), 0.0)
     assert found.gap == pytest.approx([-0.3, -0.3])

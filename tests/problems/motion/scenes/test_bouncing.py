@@ -62,7 +62,7 @@ def test_the_ball_comes_to_rest_at_the_accumulation_point() -> None:
         assert abs(moving - ball.rest_time) <= 20.0 * time_step
 
 
-def test_the_general_system_is_the_same_ball() -> None:
+def test_general_system_gives_the_motion_of_the_ball_system() -> None:
     ball = BouncingBall()
     state, general = ball.start(), general_start(ball)
     for _ in range(700):
@@ -73,6 +73,6 @@ def test_the_general_system_is_the_same_ball() -> None:
 
 
 @pytest.mark.parametrize(("name", "value"), [("height", 0.0), ("restitution", 1.0), ("gravity", -9.81)])
-def test_a_number_out_of_range_is_named(name: str, value: float) -> None:
+def test_error_names_the_invalid_parameter(name: str, value: float) -> None:
     with pytest.raises(ProblemError, match=name):
         BouncingBall(**{name: value})

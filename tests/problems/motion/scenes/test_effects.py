@@ -49,14 +49,14 @@ def motion(effects: list[Effect], steps: int = 150) -> tuple[np.ndarray, BallSys
         ([Gravity(), Restitution(0.0, 0.0)], [Gravity()]),
     ],
 )
-def test_zero_strength_is_the_same_motion(present: list[Effect], absent: list[Effect]) -> None:
+def test_effect_of_zero_strength_does_not_change_the_motion(present: list[Effect], absent: list[Effect]) -> None:
     with_effect, _, rows = motion(present)
     without, _, fewer = motion(absent)
     assert rows == fewer > 0
     assert np.abs(with_effect - without).max() <= 1e-10
 
 
-def test_no_friction_is_the_motion_of_zero_friction_with_a_third_of_the_rows_and_half_of_the_coordinates() -> None:
+def test_removing_friction_equals_zero_friction_with_fewer_rows_and_coordinates() -> None:
     with_effect, spinning, rows = motion([Gravity(), Friction(0.0)])
     without, plain, fewer = motion([Gravity()])
     assert np.abs(with_effect - without).max() <= 1e-10
@@ -64,7 +64,7 @@ def test_no_friction_is_the_motion_of_zero_friction_with_a_third_of_the_rows_and
     assert (spinning.dofs_per_ball, plain.dofs_per_ball) == (6, 3)
 
 
-def test_planar_is_the_motion_of_a_spatial_scene_that_stays_in_its_plane() -> None:
+def test_planar_motion_equals_spatial_motion_in_a_plane() -> None:
     """The centres of the balls lie in the plane y = 0, and their inertia is that of balls; x and z agree."""
     centres = np.array([[0.0, 0.35], [0.15, 0.5], [0.05, 0.7]])
     ends, rows = [], []
@@ -93,7 +93,7 @@ def test_each_effect_of_nonzero_strength_changes_the_motion() -> None:
         assert np.abs(moved - still).max() > 1e-4
 
 
-def test_an_effect_listed_twice_is_named() -> None:
+def test_duplicate_effect_is_refused() -> None:
     with pytest.raises(ProblemError, match="Gravity"):
         ball_system(np.ones(1), np.ones(1), [], [Gravity(), Gravity(1.0)])
 

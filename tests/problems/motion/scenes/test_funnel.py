@@ -46,7 +46,7 @@ def test_a_closed_funnel_keeps_its_balls(effects: tuple[Effect, ...]) -> None:
     assert deepest < 0.15
 
 
-def test_an_open_funnel_lets_them_through() -> None:
+def test_open_funnel_lets_balls_through() -> None:
     scene = Funnel(30)
     state, deepest, _ = run(scene, 1200)
     assert (scene.system().centres(state.position)[:, -1] < 0.0).mean() > 0.5
@@ -62,6 +62,6 @@ def test_the_frictionless_funnel_moves_as_with_zero_friction_on_a_third_of_the_r
 
 
 @pytest.mark.parametrize("arguments", [{"n_balls": 0}, {"outlet_radius": -1.0}])
-def test_a_number_out_of_range_is_named(arguments: dict[str, float]) -> None:
+def test_error_names_the_invalid_parameter(arguments: dict[str, float]) -> None:
     with pytest.raises(ProblemError, match=next(iter(arguments))):
         Funnel(**arguments)  # type: ignore[arg-type]

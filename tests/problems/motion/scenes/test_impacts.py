@@ -50,7 +50,7 @@ def test_positions_are_of_first_order_because_the_impact_is_late(
 
 @pytest.mark.parametrize("n_balls", [2, 3, 5, 8])
 @pytest.mark.parametrize("restitution", [0.0, 0.4, 1.0])
-def test_newtons_cradle_is_one_coupled_solve(n_balls: int, restitution: float) -> None:
+def test_newtons_cradle_is_resolved_in_one_coupled_solve(n_balls: int, restitution: float) -> None:
     """Velocities are (1 + e)/n, that of the first ball (1 + e)/n − e, in one step with all contacts in its problem."""
     scene = NewtonsCradle(n_balls, restitution)
     moreau = MidpointRule(scene.system(), create("SORprox"), Stop(1e-13, 100_000), scene.impact_time / 4.25)
@@ -63,7 +63,7 @@ def test_newtons_cradle_is_one_coupled_solve(n_balls: int, restitution: float) -
     assert speeds[1:] == pytest.approx(np.full(n_balls - 1, (1.0 + restitution) / n_balls), abs=1e-11)
 
 
-def test_a_number_out_of_range_is_named() -> None:
+def test_error_names_the_invalid_parameter() -> None:
     with pytest.raises(ProblemError, match="normal_speed"):
         ObliqueImpact(normal_speed=0.0)
     with pytest.raises(ProblemError, match="n_balls"):

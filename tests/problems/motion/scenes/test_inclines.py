@@ -57,7 +57,9 @@ def test_a_sliding_block_is_exact_until_it_stops(step_errors: StepErrors, time_s
         assert velocities.max() <= 1e-11
 
 
-def test_a_stop_costs_second_order_and_the_velocity_is_exact(step_errors: StepErrors, order: Order) -> None:
+def test_stopping_gives_a_second_order_position_error_and_an_exact_velocity(
+    step_errors: StepErrors, order: Order
+) -> None:
     """The block stops at a fraction s of a step; the trapezoid over the kink has the error a s (1 − s) Δt²/2."""
     scene, fraction = BlockOnIncline(0.3, 0.5, -1.0), 0.25
     deceleration, time_steps, errors = 9.81 * (0.5 * cos(0.3) + sin(0.3)), [], []
@@ -72,7 +74,7 @@ def test_a_stop_costs_second_order_and_the_velocity_is_exact(step_errors: StepEr
     assert order(time_steps, errors) == pytest.approx(2.0, abs=1e-3)
 
 
-def test_a_reversal_costs_first_order(step_errors: StepErrors, order: Order) -> None:
+def test_reversal_gives_a_first_order_velocity_error(step_errors: StepErrors, order: Order) -> None:
     """The block reverses at a fraction s of a step, but friction has the new direction during the whole step.
 
     This changes the velocity permanently by 2 s μ g cos θ Δt.
@@ -87,7 +89,7 @@ def test_a_reversal_costs_first_order(step_errors: StepErrors, order: Order) -> 
     assert order(time_steps, errors) == pytest.approx(1.0, abs=1e-3)
 
 
-def test_a_slope_out_of_range_is_named() -> None:
+def test_slope_out_of_range_is_refused() -> None:
     for scene in (SphereOnIncline, BlockOnIncline):
         with pytest.raises(ProblemError, match="slope"):
             scene(1.6)
@@ -121,6 +123,6 @@ def test_the_sliding_sphere_has_the_exact_velocity_and_second_order_in_position(
 
 
 @pytest.mark.parametrize("name", ["speed", "friction", "gravity"])
-def test_a_number_of_a_sliding_sphere_out_of_range_is_named(name: str) -> None:
+def test_invalid_parameter_of_a_sliding_sphere_is_refused(name: str) -> None:
     with pytest.raises(ProblemError, match=name):
         SlidingSphere(**{name: 0.0})

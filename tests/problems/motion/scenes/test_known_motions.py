@@ -45,7 +45,7 @@ def test_options_are_the_fields_of_the_class_with_what_its_docstring_says() -> N
 
 @pytest.mark.parametrize("name", KNOWN_MOTIONS)
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, "x", True])
-def test_no_option_takes_what_is_no_number(name: str, wrong: Any) -> None:
+def test_nonfinite_and_nonnumeric_options_are_refused(name: str, wrong: Any) -> None:
     for option in KNOWN_MOTIONS[name].options:
         with pytest.raises(ProblemError):
             make_scene(name, {option: wrong})
@@ -64,7 +64,7 @@ def test_no_option_takes_what_is_no_number(name: str, wrong: Any) -> None:
         ("sphere_on_incline(slope=2.0)", "between 0 and"),
     ],
 )
-def test_a_value_out_of_range_is_named(text: str, words: str) -> None:
+def test_error_names_the_invalid_parameter(text: str, words: str) -> None:
     with pytest.raises(ProblemError, match=words.replace("(", r"\(")):
         make_scene(text)
 

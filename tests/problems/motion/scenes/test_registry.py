@@ -45,7 +45,7 @@ def test_every_option_has_a_default_that_its_own_check_accepts(name: str) -> Non
         assert described.checked(option, described.default) == described.default == scene.options[option]
 
 
-def test_numbers_of_numpy_are_taken_and_become_plain_ones() -> None:
+def test_numpy_numbers_are_accepted_and_converted_to_python_numbers() -> None:
     scene = make_scene("funnel", {"balls": np.int64(3), "friction": np.float32(0.5), "outlet": 3})
     assert [type(scene.options[name]) for name in ("balls", "friction", "outlet")] == [int, float, float]
 
@@ -54,7 +54,7 @@ def test_numbers_of_numpy_are_taken_and_become_plain_ones() -> None:
     ("options", "dofs", "rows"),
     [({}, 6, 3), ({"friction": None}, 3, 1), ({"planar": True}, 3, 2), ({"planar": True, "friction": None}, 2, 1)],
 )
-def test_an_effect_switched_off_takes_its_rows_and_degrees_of_freedom_along(
+def test_disabling_an_effect_removes_its_rows_and_degrees_of_freedom(
     options: dict[str, object], dofs: int, rows: int
 ) -> None:
     system = make_scene("funnel", {"balls": 4, **options}).system
@@ -102,7 +102,7 @@ def test_energy_is_kept_to_second_order_while_nothing_touches(name: str, options
     assert max(coarse, fine) < 1e-13 or coarse / fine == pytest.approx(4.0, rel=0.01)
 
 
-def test_potential_energy_is_what_the_forces_come_from() -> None:
+def test_forces_are_the_negative_gradient_of_the_potential_energy() -> None:
     """h = −∂V/∂q of the woodpecker, by central differences."""
     scene = make_scene("woodpecker", {"start": "cycle"})
     q, h = scene.start.position + np.array([0.0, 0.02, 0.0]), 1e-6

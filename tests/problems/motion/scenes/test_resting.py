@@ -94,7 +94,7 @@ def test_rolling_in_a_groove_uses_all_friction_at_its_limit() -> None:
     assert below.spin_acceleration == pytest.approx(above.spin_acceleration, rel=1e-7)
 
 
-def test_a_number_out_of_range_is_named() -> None:
+def test_error_names_the_invalid_parameter() -> None:
     with pytest.raises(ProblemError, match="ball"):
         Stack(())
     with pytest.raises(ProblemError, match="overlap"):

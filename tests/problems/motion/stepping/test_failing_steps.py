@@ -77,7 +77,7 @@ class NotANumber(Failing):
 
 
 @pytest.mark.parametrize("search", ["anticipating", "nested"])
-def test_nan_that_a_solver_calls_solved_never_becomes_a_state(search: str) -> None:
+def test_nan_impulses_reported_as_solved_never_reach_the_state(search: str) -> None:
     steps = steps_of(woodpecker(), section_start(OVERLAP), PERIOD, solver=NotANumber(100, Status.SOLVED), search=search)
     reached: list[State] = []
     with pytest.raises(StepError, match="'solved, but with impulses that are not finite'") as raised:
@@ -144,7 +144,7 @@ def test_a_minimal_step_that_no_clock_resolves_is_refused(min_step: float) -> No
         ({"min_step": 1e-3, "max_step": 1e-4}, "max_step must be finite and at least min_step = 0.001"),
     ],
 )
-def test_options_out_of_range_are_named(options: dict[str, Any], what: str) -> None:
+def test_error_names_the_invalid_option(options: dict[str, Any], what: str) -> None:
     with pytest.raises(ProblemError, match=what):
         steps_of(oscillator(True), State(0.0, np.ones(1), np.zeros(1)), 1.0, **options)
 

@@ -105,7 +105,7 @@ def test_the_captured_problem_is_the_inclusion_of_the_step() -> None:
     assert judge(step.problem, step.impulses).residual <= 1e-12
 
 
-def test_no_active_contact_means_no_problem_and_no_solve() -> None:
+def test_step_without_active_contacts_has_no_problem() -> None:
     step = stepper(one_ball(Gravity()), 1e-3).step(State(0.0, np.array([0.0, 0.0, 5.0]), np.zeros(3)))
     assert step.problem is None
     assert step.status is None
@@ -160,7 +160,7 @@ def point(
     )
 
 
-def test_a_mass_matrix_that_is_not_positive_definite_is_named() -> None:
+def test_mass_matrix_that_is_not_positive_definite_is_refused() -> None:
     system = point(mass=lambda q: np.zeros((1, 1)), force=lambda q, u: np.zeros(1))
     with pytest.raises(ProblemError, match="positive definite"):
         stepper(system, 1e-3).step(State(0.0, np.zeros(1), np.zeros(1)))
@@ -187,6 +187,6 @@ def test_a_step_that_fails_is_an_error_with_the_time_and_the_last_good_state(
 
 
 @pytest.mark.parametrize("time_step", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_time_step_that_is_not_positive_is_named(time_step: float) -> None:
+def test_invalid_time_step_is_refused(time_step: float) -> None:
     with pytest.raises(ProblemError, match="time_step"):
         stepper(one_ball(), time_step)

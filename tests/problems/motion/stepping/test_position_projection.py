@@ -340,7 +340,7 @@ def test_a_motion_that_is_not_finite_is_reported_as_without_projection() -> None
 
 
 @pytest.mark.parametrize("depth", [0.0, -1.0, float("nan")])
-def test_a_depth_out_of_range_is_named(depth: float) -> None:
+def test_depth_out_of_range_is_refused(depth: float) -> None:
     with pytest.raises(ProblemError, match="depth"):
         stepper(floor(1), depth)
 

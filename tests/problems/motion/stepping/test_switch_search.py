@@ -167,7 +167,7 @@ def test_two_values_predict_a_switch_to_half_the_remaining_time_and_one_predicts
     assert margins.next_switch(0.2) == (np.inf, np.inf)
 
 
-def test_a_gap_that_grows_or_is_constant_announces_nothing() -> None:
+def test_growing_or_constant_gap_predicts_no_switch() -> None:
     margins = recorded(Margins(falling(lambda position: position), 10.0), lambda time: [1.0 + time, 1.0], TIMES)
     assert margins.next_switch(TIMES[-1]) == (np.inf, np.inf)
 
@@ -180,7 +180,7 @@ def test_past_roots_are_ignored() -> None:
     assert margins.next_switch(2.5)[0] == np.inf
 
 
-def test_only_gaps_that_may_close_soon_are_followed_and_only_their_last_values() -> None:
+def test_only_recent_values_of_gaps_that_may_close_soon_are_stored() -> None:
     """At twice the speed of 1 m/s, gaps of up to 2 · 2 · 0.1 m may close within two steps of the largest length."""
     margins = recorded(Margins(falling(lambda position: position), 0.1), lambda time: [0.41, 0.39], TIMES * 2)
     values: Any = margins

@@ -245,7 +245,7 @@ def test_colliding_balls_switch_alike_under_both_searches() -> None:
 
 
 @pytest.mark.slow
-def test_it_costs_a_thousandth_of_fixed_steps_at_equal_accuracy() -> None:
+def test_variable_steps_cost_a_thousandth_of_fixed_steps_at_equal_accuracy() -> None:
     """5000 fixed steps take eight times as many solves and are a thousand times less accurate; they are of first order.
 
     Their number at equal accuracy is extrapolated from this order, not measured.

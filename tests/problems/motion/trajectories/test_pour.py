@@ -29,7 +29,7 @@ def test_flow_and_height_are_those_of_the_second_half() -> None:
     assert found[ENERGY] == pytest.approx(weight * 2.0 * 2.5, rel=1e-9)
 
 
-def test_a_pour_that_ends_early_stays_as_it_was() -> None:
+def test_pour_that_ends_in_the_first_half_has_no_flow() -> None:
     scene = make_scene("funnel", {"balls": 4})
     recorder = MotionRecorder(replace(scene, start=column(scene, 0.0, 0)))
     recorder.record(column(scene, 1.0, 4))
@@ -38,7 +38,7 @@ def test_a_pour_that_ends_early_stays_as_it_was() -> None:
     assert found[HEIGHT] == 0.0
 
 
-def test_a_pile_has_no_flow() -> None:
+def test_pile_has_no_flow_rate() -> None:
     scene = make_scene("pile", {"balls": 3})
     recorder = MotionRecorder(scene)
     recorder.record(replace(scene.start, time=1.0))

@@ -26,7 +26,7 @@ def after_a_period(off: float = 0.0) -> State:
     return State(PERIOD, start.position - [DESCENT, 0.0, off], start.velocity)
 
 
-def test_the_section_error_is_the_largest_of_the_three_over_its_range() -> None:
+def test_section_error_is_the_largest_of_three_scaled_errors() -> None:
     reached = after_a_period()
     assert section_error(reached) <= 1e-15
     off = State(

@@ -26,7 +26,7 @@ def mixture() -> list[ContactProblem]:
 
 
 @pytest.mark.parametrize("threads", sorted({1, min(2, N_CORES), N_CORES}))
-def test_many_problems_get_the_bits_of_one_by_one_in_their_order(threads: int) -> None:
+def test_solving_many_problems_equals_individual_solves_bit_by_bit(threads: int) -> None:
     problems, robust = mixture(), create("Robust")
     many = solve_many(problems, 1e-7, threads=threads)
     for problem, solution in zip(problems, many.solutions, strict=True):
@@ -92,14 +92,14 @@ def test_memory_for_all_forms_is_checked_before_the_first_problem_is_solved(monk
     assert len(list(_batches([given, factored], 1.0))) == 2
 
 
-def test_no_problems_have_no_solutions() -> None:
+def test_empty_list_of_problems_has_no_solutions() -> None:
     many = solve_many([])
     assert many.solutions == []
     assert many.residuals.shape == (0,)
 
 
 @pytest.mark.parametrize("threads", [0, -1, N_CORES + 1, 1.0, "2", True])
-def test_only_as_many_threads_as_cores_are_granted(threads: Any) -> None:
+def test_invalid_number_of_threads_is_refused(threads: Any) -> None:
     with pytest.raises(SolverError, match=rf"threads must be a whole number from 1 to {N_CORES}, .* got"):
         solve_many([load("hard-tower-3")], threads=threads)
 

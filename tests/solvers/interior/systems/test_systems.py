@@ -53,7 +53,7 @@ def test_both_forms_agree_on_the_sign_of_the_determinant(lanes: int, expected: l
     assert [sign for k, sign in enumerate(seen) if k == 0 or sign != seen[k - 1]] == expected
 
 
-def test_both_forms_multiply_alike() -> None:
+def test_both_forms_give_the_same_product() -> None:
     problem = load("funnel-100")
     r = np.random.default_rng(2).normal(size=(problem.n_contacts, 3))
     products = [form(problem, scaled(problem)).times(r) for form in FORMS]

@@ -247,7 +247,7 @@ def test_the_judge_confirms_what_is_solved(name: str) -> None:
     assert judge(problem, solution.impulses).residual <= 1e-6
 
 
-def test_what_cannot_be_swept_over_pairs_of_bodies_is_declined_with_the_reason() -> None:
+def test_unsupported_problems_are_declined_with_the_reason() -> None:
     solver, rng = create("ColouredSORprox"), np.random.default_rng(1)
     assembled = ContactProblem.from_delassus(np.eye(3), -np.ones(3), 0.3)
     assert "need the factors" in str(solver.supports(assembled))

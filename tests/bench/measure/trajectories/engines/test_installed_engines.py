@@ -43,7 +43,7 @@ def check_start(engine: Engine, description: Description, tolerance: float) -> N
 
 @pytest.mark.parametrize("name", ["mujoco", "pybullet", "dart"])
 @pytest.mark.parametrize("scene", ["thrown-cube", "stack", "pile"])
-def test_free_motion_and_impulses_of_a_step_make_the_next_velocity(name: str, scene: str) -> None:
+def test_free_motion_and_impulses_give_the_velocity_after_the_step(name: str, scene: str) -> None:
     engine = engine_of(name, scene, DART_SWEEPS if name == "dart" else 0)
     for _ in range(300 if scene == "pile" else 1):
         engine.step()

@@ -259,11 +259,11 @@ def test_rows_of_joints_follow_those_of_contacts(height: float) -> None:
         ({"rolling_axes": 4}, "rolling_axes must be"),
     ],
 )
-def test_a_number_out_of_range_is_named(changes: dict[str, object], words: str) -> None:
+def test_error_names_the_invalid_parameter(changes: dict[str, object], words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         RigidBodies(**{"shapes": [BOX], "masses": np.ones(1), **changes})  # type: ignore[arg-type]
 
 
-def test_an_effect_that_is_listed_twice_is_named() -> None:
+def test_duplicate_effect_is_refused() -> None:
     with pytest.raises(ProblemError, match="Friction is listed 2 times"):
         on_ground([Friction(0.1), Friction(0.2)])

@@ -207,7 +207,7 @@ def test_the_scene_is_registered_with_its_displacement() -> None:
     assert scene.observables[0].compute(scene.start) == 0.0
 
 
-def test_an_arch_out_of_range_is_named() -> None:
+def test_invalid_arch_is_refused() -> None:
     with pytest.raises(ProblemError, match="stones"):
         Arch(1)
     with pytest.raises(ProblemError, match="thickness"):

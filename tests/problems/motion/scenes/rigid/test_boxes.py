@@ -174,7 +174,7 @@ def test_a_stack_of_ten_does_not_drift_in_ten_seconds(ratio: float, heavy_on_top
         ("box_stack(n_boxes=1, overlap=0.02)", "body 0 and fixed body 0 penetrate by 0.02 m at the start"),
     ],
 )
-def test_a_value_out_of_range_is_named(text: str, words: str) -> None:
+def test_error_names_the_invalid_parameter(text: str, words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         make_scene(text)
 

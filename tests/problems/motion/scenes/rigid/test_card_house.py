@@ -66,7 +66,7 @@ def test_the_scene_is_registered() -> None:
     assert make_scene("card_house(storeys=2)").observables[0].name == "moved"
 
 
-def test_a_house_out_of_range_is_named() -> None:
+def test_invalid_card_house_is_refused() -> None:
     for options, words in (
         ({"storeys": 0}, "storeys"),
         ({"lean": 0.6}, "too wide"),

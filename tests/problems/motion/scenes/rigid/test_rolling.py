@@ -39,6 +39,6 @@ def test_a_round_body_rolls_to_rest_as_in_closed_form(
         ("rolling_cylinder(length=0.0)", "length of a cylinder must be positive"),
     ],
 )
-def test_a_value_out_of_range_is_named(text: str, words: str) -> None:
+def test_error_names_the_invalid_parameter(text: str, words: str) -> None:
     with pytest.raises(ProblemError, match=words):
         make_scene(text)

@@ -49,7 +49,7 @@ def test_one_period_of_the_woodpecker_has_the_published_events() -> None:
 
 
 @pytest.mark.weekly
-def test_the_woodpecker_comes_back_to_the_section_lower_by_its_descent() -> None:
+def test_woodpecker_returns_to_the_section_lower_by_its_descent() -> None:
     motion = cycle(3.001)
     begins = [event for event in motion.events if event.law == "friction" and event.after == "slip"]
     assert len(begins) == 3
@@ -62,7 +62,7 @@ def test_the_woodpecker_comes_back_to_the_section_lower_by_its_descent() -> None
 
 
 @pytest.mark.slow
-def test_time_stepping_converges_to_it_from_the_published_start() -> None:
+def test_time_stepping_converges_to_the_event_driven_motion() -> None:
     """No other reference is known away from the cycle, over twelve events; single errors are erratic."""
     until, errors = 0.13, []
     motion = simulate(woodpecker(), published_start(), until)
@@ -75,7 +75,7 @@ def test_time_stepping_converges_to_it_from_the_published_start() -> None:
     assert errors[1] <= errors[0] / 5.0
 
 
-def test_a_bouncing_ball_stops_it_at_the_accumulation_point() -> None:
+def test_bouncing_ball_raises_at_the_accumulation_point() -> None:
     ball = BouncingBall()
     with pytest.raises(AccumulationError, match=r"accumulate at t = 1\.3545709.*time-stepping method") as raised:
         simulate(general_system(ball), general_start(ball), 2.0)
@@ -103,7 +103,7 @@ def test_steps_of_a_motion_join_and_none_takes_longer_than_the_longest_step() ->
     assert [switch.after for step in steps for switch in step.switches] == ["closed"]
 
 
-def test_a_ball_without_restitution_lies_where_it_falls() -> None:
+def test_ball_without_restitution_stays_on_the_ground_after_impact() -> None:
     ball = BouncingBall(restitution=0.0)
     motion = simulate(general_system(ball), general_start(ball), 2.0)
     assert [(event.before, event.after) for event in motion.events] == [("open", "closed")]
@@ -219,7 +219,7 @@ def test_directions_that_turn_with_the_motion_keep_constraint_and_energy() -> No
         assert energy == pytest.approx(-9.81 * RADIUS * cos(1.2), abs=1e-10)
 
 
-def test_a_point_thrown_through_the_top_of_a_circle_leaves_it_where_its_weight_draws_it_off() -> None:
+def test_point_on_a_circle_detaches_at_the_height_of_the_closed_form() -> None:
     """From the bottom with v² = 4 g R, the cosine of the angle from the top is (v²/gR − 2)/3 when contact is lost."""
     start = State(0.0, np.array([0.0, -RADIUS]), np.array([sqrt(4.0 * 9.81 * RADIUS), 0.0]))
     motion = simulate(replace(bowl(), direction_rates=bowl_rates), start, 0.6)
@@ -228,7 +228,7 @@ def test_a_point_thrown_through_the_top_of_a_circle_leaves_it_where_its_weight_d
     assert first.state.position[1] == pytest.approx(RADIUS * 2.0 / 3.0, abs=1e-11)
 
 
-def test_directions_that_turn_need_their_rate() -> None:
+def test_rotating_directions_require_direction_rates() -> None:
     start = State(0.0, np.array([RADIUS * sin(1.2), -RADIUS * cos(1.2)]), np.zeros(2))
     with pytest.raises(ProblemError, match="direction_rates"):
         simulate(bowl(), start, 0.5)
@@ -252,7 +252,7 @@ def test_a_start_that_touches_up_to_rounding_is_put_onto_its_contact_and_stays_t
     assert motion.at(0.0).position[0] == 0.0
 
 
-def test_a_start_in_penetration_is_named() -> None:
+def test_penetrating_start_is_refused() -> None:
     ball = BouncingBall()
     with pytest.raises(MotionError, match=r"contact 0 penetrates by 1\.00e-03 m"):
         simulate(general_system(ball), State(0.0, np.array([ball.radius - 1e-3]), np.zeros(1)), 1.0)
@@ -304,7 +304,7 @@ class Refusing:
         return Solution(np.zeros(self.problem.n_rows), Status.SOLVED, 0)
 
 
-def test_a_wrong_solution_is_never_taken_and_the_motion_up_to_there_is_kept() -> None:
+def test_wrong_solution_raises_and_the_motion_so_far_is_kept() -> None:
     ball = BouncingBall()
     with pytest.raises(MotionError, match=r"residual .* for the impact law") as raised:
         simulate(general_system(ball), general_start(ball), 1.0, Refusing())
@@ -312,7 +312,7 @@ def test_a_wrong_solution_is_never_taken_and_the_motion_up_to_there_is_kept() ->
     assert raised.value.motion.end.velocity[0] == pytest.approx(-9.81 * ball.fall_time, rel=1e-12)
 
 
-def test_a_motion_has_no_state_beyond_its_end() -> None:
+def test_time_outside_the_motion_is_refused() -> None:
     ball = BouncingBall()
     motion = simulate(general_system(ball), general_start(ball), 0.3)
     assert motion.at(0.3).position[0] == motion.end.position[0]
@@ -321,7 +321,7 @@ def test_a_motion_has_no_state_beyond_its_end() -> None:
             motion.at(time)
 
 
-def test_bad_options_are_named() -> None:
+def test_error_names_the_invalid_argument() -> None:
     spatial = constant_system([1.0] * 3, [0.0] * 3, np.eye(3).tolist(), [0.3], lambda q: q[:1])
     with pytest.raises(ProblemError, match="planar"):
         simulate(spatial, State(0.0, np.zeros(3), np.zeros(3)), 1.0)
