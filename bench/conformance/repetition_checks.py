@@ -23,7 +23,7 @@ N_CONTACTS = 20
 """Number of contacts of each random problem."""
 
 ATTEMPTS = 4
-"""Largest number of copies of a problem that are timed; a solver fails if its first solve is slow on all."""
+"""Largest number of copies of a problem that are timed; a solver fails if its first solve is slow on all of them."""
 
 RATIO, ALLOWANCE_SECONDS = 3.0, 2e-4
 """Factor and time [s] by which a first solve, with cold caches, may take longer than repeated ones."""
@@ -37,7 +37,7 @@ def solves_each_time(solver: Solver) -> None:
     with threadpool_limits(1):  # busy-waiting library threads would count, mostly in a first solve
         solution_of(solver, perturbed_copy(problem), STOP)
         for _ in range(ATTEMPTS):
-            first, repeated = _first_and_repeated(solver, problem)
+            first, repeated = _compare_first_and_repeated(solver, problem)
             if first <= RATIO * repeated + ALLOWANCE_SECONDS:
                 return
             found.append((first, repeated))
@@ -48,8 +48,8 @@ def solves_each_time(solver: Solver) -> None:
     )
 
 
-def _first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float, float]:
-    """Return the processor time of a first solve and the median one of repeated solves [s], on a copy in other units.
+def _compare_first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float, float]:
+    """Return the processor times of a first solve and, as a median, of repeated solves [s] of a copy in other units.
 
     Raises:
         Violation: if their results are not identical.
@@ -58,11 +58,12 @@ def _first_and_repeated(solver: Solver, problem: ContactProblem) -> tuple[float,
     first, first_seconds = _timed_solve(solver, changed)
     seconds: list[float] = []
     for _ in range(REPEATS):
-        again, more = _timed_solve(solver, changed)
-        seconds.append(more)
-        is_cut = Status.TIME_LIMIT in (first.status, again.status)
-        if not (draws_randomly(solver) or is_cut or np.array_equal(first.impulses, again.impulses, equal_nan=True)):
-            difference = np.abs(first.impulses - again.impulses).max()
+        repeated, repeated_seconds = _timed_solve(solver, changed)
+        seconds.append(repeated_seconds)
+        has_timed_out = Status.TIME_LIMIT in (first.status, repeated.status)
+        is_equal = np.array_equal(first.impulses, repeated.impulses, equal_nan=True)
+        if not (draws_randomly(solver) or has_timed_out or is_equal):
+            difference = np.abs(first.impulses - repeated.impulses).max()
             raise Violation(
                 f"the first and a later solve of {problem.name} differ by {difference:.1e} N s; keep no state between "
                 "solves, or set is_randomised = True."

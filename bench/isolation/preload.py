@@ -6,7 +6,7 @@ The case then starts in milliseconds instead of importing and compiling everythi
 import io
 from collections.abc import Iterable
 
-import scipy.sparse.csgraph  # noqa: F401  solvers import it and scipy.sparse.linalg late
+import scipy.sparse.csgraph  # noqa: F401  solvers import it and scipy.sparse.linalg only when needed
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Stop
@@ -34,7 +34,7 @@ def load_kernels_of(solvers: Iterable[str]) -> None:
     missing = [name for name in solvers if name not in _loaded]
     if not missing:
         return
-    problems = [_as_in_a_case(name) for name in PROBLEMS]
+    problems = [_load_as_case(name) for name in PROBLEMS]
     for name in missing:
         solver = create(name)
         for problem in problems:
@@ -44,6 +44,6 @@ def load_kernels_of(solvers: Iterable[str]) -> None:
     exempt_from_collection()  # a garbage collection in a forked case would copy the memory pages of all objects
 
 
-def _as_in_a_case(name: str) -> ContactProblem:
-    """Return a problem as a case reads it."""
+def _load_as_case(name: str) -> ContactProblem:
+    """Return a problem as a case reads it, from its file content and without name and answer."""
     return read_problem(io.BytesIO(problem_bytes(load(name).anonymous())), name)

@@ -17,12 +17,12 @@ def used_processor_seconds(solver: Solver) -> float:
 
 
 class ContextSwitches(NamedTuple):
-    """Context switches of this process, and the waiting time of its thread.
+    """Context switches of this process, and the waiting time of the calling thread.
 
     Attributes:
         involuntary: number of times that the process was preempted.
-        voluntary: number of times that the process began to sleep or wait.
-        waited: time for which the thread was ready but did not run [s]; None if the system does not report it.
+        voluntary: number of times that the process gave up the processor to sleep or wait.
+        waited: time for which the calling thread was ready but did not run [s]; None if the system does not report it.
     """
 
     involuntary: int

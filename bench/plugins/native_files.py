@@ -1,7 +1,7 @@
-"""Files of solvers in other languages, identified by the SHA-256 of their content when a command names them.
+"""Files of solvers in other languages, identified by the SHA-256 of their content.
 
-Such a file is loaded or started only in child processes. A stored run cannot make this process use a file: a user who
-resumes someone else's run must name its files.
+The SHA-256 is computed when a command names a file. Only child processes load or start the file. A stored run cannot
+make this process use a file: a user who resumes someone else's run must name its files.
 """
 
 import hashlib
@@ -15,26 +15,31 @@ from ...problems.errors import PluginError
 from ...solvers import registry
 from ..store.records import PluginUse
 
-_BEGINNINGS = (b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"MZ", b"#!")
+_MAGIC_NUMBERS = (b"\x7fELF", b"\xcf\xfa\xed\xfe", b"\xca\xfe\xba\xbe", b"MZ", b"#!")
 """First bytes of shared libraries and programs on Linux, macOS and Windows, and of scripts."""
 
-_in_use: dict[str, PluginUse] = {}
-"""Records, with the SHA-256, of the files that this process may use, by path."""
+_allowed: dict[str, PluginUse] = {}
+"""Records of the files that this process may use, with their SHA-256, by path."""
 
 
 def is_native(path: Path) -> bool:
-    """Return whether a file is a shared library or a program, and not a plugin file."""
+    """Return whether a file is a shared library or a program, and not a plugin file; False if it cannot be read."""
     try:
         with path.open("rb") as file:
-            return path.suffix != ".py" and file.read(4).startswith(_BEGINNINGS)
+            return path.suffix != ".py" and file.read(4).startswith(_MAGIC_NUMBERS)
     except OSError:
         return False
 
 
 def allow_native_file(path: Path) -> None:
-    """Allow stored runs to use a file in its current version."""
-    place = path.expanduser().absolute()
-    _in_use[str(place)] = PluginUse(kind="solver", name="", source="", file=str(place), sha256=_sha256(place))
+    """Allow stored runs to use a file with its current content.
+
+    Raises:
+        PluginError: if the file cannot be read.
+    """
+    absolute = path.expanduser().absolute()
+    use = PluginUse(kind="solver", name="", source="", file=str(absolute), sha256=_sha256(absolute))
+    _allowed[str(absolute)] = use
 
 
 def use_native_files(name: str, sources: Sequence[str]) -> tuple[PluginUse, ...]:
@@ -42,23 +47,23 @@ def use_native_files(name: str, sources: Sequence[str]) -> tuple[PluginUse, ...]
 
     Args:
         name: name of the solver.
-        sources: sources of its parts in other languages, in order.
+        sources: the ``source`` of each native part, in the order of the parts; missing ones are empty.
 
     Raises:
         PluginError: if a file cannot be read.
     """
     uses = []
     for number, part in enumerate(_native_parts(name)):
-        place, source = _place(part), str(sources[number]) if number < len(sources) else ""
-        uses.append(PluginUse(kind="solver", name=part, source=source, file=str(place), sha256=_sha256(place)))
-        _in_use[str(place)] = uses[-1]
+        path, source = _path_of_part(part), str(sources[number]) if number < len(sources) else ""
+        uses.append(PluginUse(kind="solver", name=part, source=source, file=str(path), sha256=_sha256(path)))
+        _allowed[str(path)] = uses[-1]
     return tuple(uses)
 
 
 def native_uses(solvers: Iterable[str]) -> list[PluginUse]:
-    """Return one record for each native part of the named solvers; parts whose file is not in use are omitted."""
+    """Return one record for each native part of the named solvers; parts whose file is not allowed are omitted."""
     parts = dict.fromkeys(part for name in solvers for part in _native_parts(name))
-    known = ((part, _in_use.get(str(_place(part)))) for part in parts)
+    known = ((part, _allowed.get(str(_path_of_part(part)))) for part in parts)
     return [replace(use, name=part) for part, use in known if use is not None]
 
 
@@ -69,17 +74,23 @@ def is_native_use(use: PluginUse) -> bool:
 
 def sha256_in_use(path: str) -> str:
     """Return the SHA-256 of a file that this process may use; empty if it may not."""
-    return _in_use[path].sha256 if path in _in_use else ""
+    return _allowed[path].sha256 if path in _allowed else ""
 
 
 def check_unchanged(uses: Iterable[PluginUse]) -> None:
-    """Raise ``SolverError`` if a file has changed, because results of two versions would share one name."""
+    """Check that no file has changed, because results of two versions would share one name.
+
+    Raises:
+        SolverError: if a file has changed.
+        PluginError: if a file cannot be read.
+    """
     for use in uses:
         if _sha256(Path(use.file)) != use.sha256:
             raise SolverError(f"{use.file} has changed since the command began; run the command again.")
 
 
-def _place(part: str) -> Path:
+def _path_of_part(part: str) -> Path:
+    """Return the absolute path of the file of a native part."""
     return Path(registry.parse(part).options.get("path", "")).expanduser().absolute()
 
 
@@ -95,4 +106,4 @@ def _sha256(path: Path) -> str:
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
-        raise PluginError(f"cannot read {path}: {error.strerror}; restore it.") from None
+        raise PluginError(f"cannot read {path}: {error.strerror}; restore the file or its permissions.") from None

@@ -13,7 +13,7 @@ from ..store.outcome import Outcome
 from ..store.ratios import ALONE, EXCLUDED, MARGIN, STANDINGS, reaching, standings, times_by_point
 
 ACCURACIES = (1e-2, 1e-4, 1e-6, 1e-8)
-"""Judged residuals for which tables give times, if the run has more tolerances."""
+"""Judged residuals for which tables give times, if a run has more than four tolerances."""
 
 SUMMARY_ACCURACIES = (1e-4, 1e-6)
 """Judged residuals of the summary."""
@@ -25,9 +25,9 @@ TOLERANCE_ROUNDING = 1e-9
 """Relative difference up to which two tolerances are equal."""
 
 _PAIR_COLUMNS = ["problem", "family", "tolerance"]
-"""Columns that identify a point of a solver and the same point of its warm variant."""
+"""Columns on which the points of a solver and those of its warm variant are joined."""
 
-_COMPARISON_COLUMNS = [
+_START_COLUMNS = [
     "problems",
     "cold_solved",
     "warm_solved",
@@ -48,21 +48,22 @@ def accuracies(frames: RunFrames) -> tuple[float, ...]:
     These are the tolerances of the run if there are no more of them than ``ACCURACIES``. Otherwise they are those of
     ``ACCURACIES`` that are not finer than the finest tolerance, because finer ones would count as failures.
     """
-    ladder = _ladder(frames)
-    if len(ladder) <= len(ACCURACIES):
-        return ladder
-    return reachable_accuracies(ACCURACIES, ladder) or ladder[-1:]
+    tolerances = _tolerances(frames)
+    if len(tolerances) <= len(ACCURACIES):
+        return tolerances
+    return reachable_accuracies(ACCURACIES, tolerances) or tolerances[-1:]
 
 
 def summary_accuracies(frames: RunFrames) -> tuple[float, ...]:
     """Return the judged residuals of the summary, at most two of ``accuracies``."""
-    ladder = _ladder(frames)
-    if len(ladder) <= len(ACCURACIES) and not set(SUMMARY_ACCURACIES) <= set(ladder):
-        return ladder[-2:]
-    return reachable_accuracies(SUMMARY_ACCURACIES, ladder) or accuracies(frames)[-1:]
+    tolerances = _tolerances(frames)
+    if len(tolerances) <= len(ACCURACIES) and not set(SUMMARY_ACCURACIES) <= set(tolerances):
+        return tolerances[-2:]
+    return reachable_accuracies(SUMMARY_ACCURACIES, tolerances) or accuracies(frames)[-1:]
 
 
-def _ladder(frames: RunFrames) -> tuple[float, ...]:
+def _tolerances(frames: RunFrames) -> tuple[float, ...]:
+    """Return the tolerances of a run, from coarse to fine."""
     return tuple(sorted(frames.info.plan.tolerances, reverse=True))
 
 
@@ -100,7 +101,7 @@ def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: fl
 
 
 def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> set[tuple[str, str]]:
-    """Return problem and solver of the cases whose time to an accuracy has only excluded rounds.
+    """Return (problem, solver) of each case whose time to an accuracy has only excluded rounds.
 
     Args:
         points: as in ``RunFrames``, of any number of cases.
@@ -123,9 +124,9 @@ def ratios_table(frames: RunFrames) -> pd.DataFrame:
     found = []
     for problem in [] if frames.is_study else frames.cases["problem"].unique():
         own, times = points[points["problem"] == problem], times_by_point(rounds[rounds["problem"] == problem])
-        equals = [own[own["solver"].isin(solvers)] for solvers in solvers_by_threads(frames).values()]
+        by_threads = [own[own["solver"].isin(solvers)] for solvers in solvers_by_threads(frames).values()]
         for accuracy in accuracies(frames):
-            groups = [standings(some, times, accuracy, limit) for some in equals]
+            groups = [standings(comparable, times, accuracy, limit) for comparable in by_threads]
             if len(groups) > 1:
                 groups = [group.assign(standing=ALONE) if len(group) == 1 else group for group in groups]
             found += [group.assign(problem=problem, accuracy=accuracy) for group in groups]
@@ -170,7 +171,7 @@ def mean_time(times: FloatArray, limit: float) -> float:
 
 
 def counted_cases(frames: RunFrames) -> pd.DataFrame:
-    """Return the cases that tables count: supported ones whose ladder of tolerances is complete."""
+    """Return the cases that tables count: supported ones that failed or were measured at all tolerances."""
     cases: pd.DataFrame = frames.cases[(frames.cases["outcome"] != Outcome.UNSUPPORTED) & frames.cases["is_tried"]]
     return cases
 
@@ -185,8 +186,8 @@ def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     """Return one row per solver, problem of its ``counted_cases``, and accuracy of ``levels``, in the order of the run.
 
     Columns: solver, model, problem, accuracy, seconds (the time to it, NaN if it is not reached), claimed (whether the
-    solver claims it), common (whether all solvers of the table support the problem), excluded (whether the time has
-    only excluded rounds), compared (whether the problem is common, and no solver's time is excluded).
+    solver claims to reach it), common (whether all solvers of the table support the problem), excluded (whether the
+    time has only excluded rounds), compared (whether the problem is common, and no solver's time is excluded).
     """
     cases = counted_cases(frames)
     common = common_problems(cases)
@@ -220,7 +221,7 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
 
     Columns: solver, model, problems (its ``counted_cases``), common (those of all solvers), and for each of
     ``summary_accuracies``: the share of its problems that the solver claims to solve (success), the share that the
-    judge confirms (correct), and shifted geometric means of the time [s], with failures at the time limit of a solve.
+    judge confirms (correct), and shifted geometric means of the time [s], in which a failure counts as the time limit.
     The means are over the common problems (mean_time; NaN without any), and over all problems of the solver
     (own_mean_time, not comparable between solvers). Further columns are the numbers of problems in both means
     (mean_problems, own_problems) and of wrong claims (wrong). Means ignore excluded times; a common problem with an
@@ -247,7 +248,10 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
 
 
 def families(frames: RunFrames) -> list[str]:
-    """Return the families of the problems of a run, in order; none if there is only one, or one per problem."""
+    """Return the families of the problems of a run, in order.
+
+    The list is empty if there is only one family, or one per problem.
+    """
     found = list(dict.fromkeys(frames.cases["family"]))
     return found if 1 < len(found) < frames.cases["problem"].nunique() else []
 
@@ -270,9 +274,9 @@ def starts_table(frames: RunFrames) -> pd.DataFrame:
 
     Columns: family, solver, tolerance; problems (the number of those with a previous step), and how many of them are
     solved from zero (cold_solved) and warm (warm_solved). The mean iterations (cold_iterations, warm_iterations) are
-    over the problems solved both ways. The other columns omit those with excluded times: the number of the remaining
-    ones (timed), geometric mean times [s] (cold_seconds, warm_seconds), the ratio of both (gain), and the number of
-    problems that a warm start slows down by ``MARGIN`` or more (slower).
+    over the problems solved both ways. The other columns are over those of these problems that have no excluded time:
+    their number (timed), the geometric mean times [s] (cold_seconds, warm_seconds), the ratio of the cold to the warm
+    mean (gain), and the number of problems that a warm start slows down by ``MARGIN`` or more (slower).
     """
     points, rows = frames.points, list[dict[str, Any]]()
     shown = points[points["tolerance"].isin(accuracies(frames))] if len(points) else points
@@ -287,11 +291,15 @@ def starts_table(frames: RunFrames) -> pd.DataFrame:
             ]
     order = {family: index for index, family in enumerate(dict.fromkeys(frames.cases["family"]))}
     rows.sort(key=lambda row: (-row["tolerance"], order[row["family"]]))
-    return pd.DataFrame(rows, columns=["family", "solver", "tolerance", *_COMPARISON_COLUMNS])
+    return pd.DataFrame(rows, columns=["family", "solver", "tolerance", *_START_COLUMNS])
 
 
 def _compare_starts(pairs: pd.DataFrame) -> dict[str, float]:
-    """Return the numbers of ``starts_table`` for points of one solver, family and tolerance, from zero and warm."""
+    """Return the numbers in one row of ``starts_table``.
+
+    Args:
+        pairs: cold and warm points of one solver, family and tolerance, with the suffixes "_cold" and "_warm".
+    """
     solved = {start: pairs[f"outcome_{start}"] == Outcome.SOLVED for start in ("cold", "warm")}
     both = pairs[solved["cold"] & solved["warm"]]
     timed = both[~(both["is_excluded_cold"].astype(bool) | both["is_excluded_warm"].astype(bool))]
@@ -332,12 +340,12 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
         is_compared = reached["solver"].isin(compared)
         with_excluded = reached["problem"][is_compared & reached["excluded"].astype(bool)]
         is_compared &= ~reached["problem"].isin(with_excluded)
-        least = _least(reached[is_compared], "seconds")
+        least = _rows_of_least(reached[is_compared], "seconds")
         table[f"solved_{tag}"] = _counts(names, reached["problem"])
         table[f"fastest_{tag}"] = [least["solver"].get(name, "") for name in names]
         table[f"time_{tag}"] = names.map(least["seconds"])
     trusted = frames.points[frames.points["outcome"] != Outcome.WRONG].dropna(subset="residual")
-    best = _least(trusted, "residual")
+    best = _rows_of_least(trusted, "residual")
     solvers = [best["solver"].get(name, "") for name in names]
     return table.assign(residual=names.map(best["residual"]), best=solvers)
 
@@ -347,7 +355,7 @@ def _counts(names: "pd.Series[str]", found: "pd.Series[str]") -> "pd.Series[int]
     return names.map(found.value_counts()).fillna(0).astype(int)
 
 
-def _least(rows: pd.DataFrame, column: str) -> pd.DataFrame:
+def _rows_of_least(rows: pd.DataFrame, column: str) -> pd.DataFrame:
     """Return the row of each problem with the least number in a column."""
     return rows.sort_values(column, kind="stable").drop_duplicates("problem").set_index("problem")
 
@@ -358,7 +366,7 @@ def compares_all(summary: pd.DataFrame) -> bool:
 
 
 def shown_means(summary: pd.DataFrame) -> dict[str, str]:
-    """Return the headings of the means that a summary shows, with the prefixes of their columns."""
+    """Return the means that a summary shows: a mapping from headings to the prefixes of their columns."""
     if compares_all(summary):
         return {"mean": "mean_time"}
     common = int(summary["common"].max())
@@ -370,7 +378,7 @@ def _accuracy_columns(accuracy: float) -> list[str]:
 
 
 def claimed_cases(points: pd.DataFrame, accuracy: float) -> set[tuple[str, str]]:
-    """Return problem and solver of the cases whose solver claims to solve to ``accuracy``."""
+    """Return (problem, solver) of each case whose solver claims to reach ``accuracy``."""
     finer = points[
         (points["tolerance"] <= accuracy * (1.0 + TOLERANCE_ROUNDING)) & (points["status"] == Outcome.SOLVED)
     ]

@@ -1,4 +1,4 @@
-"""Convert records to files and back: JSON with a checksum, printable text, and null for nonfinite numbers."""
+"""Convert records to JSON files with a checksum and back; text is printable, and nonfinite numbers are null."""
 
 import hashlib
 import json
@@ -65,7 +65,7 @@ def decode_record(text: bytes, kind: type[R], name: str, remedy: str) -> R:
         text: content of the file.
         kind: class of the record.
         name: name of the file in messages.
-        remedy: last clause of messages.
+        remedy: last clause of error messages, which states what to do.
 
     Raises:
         BenchError: if the file is damaged or has another format.
@@ -81,7 +81,7 @@ def decode_record(text: bytes, kind: type[R], name: str, remedy: str) -> R:
     if version != FORMAT:
         raise BenchError(
             f"{name} has format {version!r:.20}, and this version reads format {FORMAT}; measure it again with this "
-            "version."
+            "version of Proxbench."
         )
     try:
         return record_of(content, kind)
@@ -113,9 +113,9 @@ def decompress(content: bytes, limit: int) -> bytes:
     return text
 
 
-def _field(fault: str) -> str:
-    """Return the field that a message of msgspec is about, such as ``"points[...].tolerance"``."""
-    path = re.search(r"at `\$\.?(.*)`$", fault)
-    missing = re.search(r"missing required field `(\w+)`", fault)
+def _field(message: str) -> str:
+    """Return the field that an error message of msgspec names, such as ``"points[...].tolerance"``."""
+    path = re.search(r"at `\$\.?(.*)`$", message)
+    missing = re.search(r"missing required field `(\w+)`", message)
     names = [found.group(1) for found in (path, missing) if found]
     return ".".join(name for name in names if name) or "content"

@@ -1,4 +1,4 @@
-"""Ratios of two times with confidence intervals: the only estimator of such ratios in this package.
+"""Estimate ratios of two times with confidence intervals.
 
 Two solvers that are measured in the same pass run in the same state of the machine, so their times t are compared in
 pairs, d = log(t_a / t_b). Rounds of one pass share their processes, so each pass gives one pair of means; if there are
@@ -6,7 +6,7 @@ too few passes, each round gives a pair. The ratio is exp(median d), because oth
 a large factor.
 
 The interval is the percentile interval of ``scipy.stats.bootstrap``. For n values its level is expanded so that its
-ends are the quantiles
+ends are the quantiles of the bootstrap distribution at
 
     Φ(±t(1/2 + level/2, n - 1) √(n / (n - 1)))
 
@@ -15,8 +15,8 @@ Should Know About the Bootstrap, The American Statistician 69(4), 2015). The pla
 Fewer than ``MIN_PAIRS`` pairs have no interval, because it would miss the true ratio too often.
 
 Excluded rounds never count. If too few pairs remain, the remaining times are compared as two samples,
-median log t_a - median log t_b, with n the size of the smaller one. ``MIN_ROUNDS`` rounds of both are enough: all of
-them are slower than three others by chance in 1 of 20 cases.
+median log t_a - median log t_b, with n the size of the smaller one. ``MIN_ROUNDS`` rounds of both are enough: with
+three rounds each, all rounds of one solver are slower than all rounds of the other by chance in 1 of 20 cases.
 """
 
 from collections.abc import Callable
@@ -32,7 +32,7 @@ from ...problems.contact.solver import Status
 from .outcome import Outcome
 
 CONFIDENCE = 0.95
-"""Share of intervals that contain the true ratio."""
+"""Confidence level of an interval."""
 
 MIN_PAIRS = 5
 """Least number of pairs for an interval."""
@@ -41,8 +41,8 @@ MIN_ROUNDS = 3
 """Least number of times of each solver for an interval without pairs."""
 
 MARGIN = 0.05
-"""Relative time by which a solver must exceed the fastest one to count as slower, because processes that run the same
-program differ by some per cent."""
+"""Relative excess over the time of the fastest solver above which a solver counts as slower. Times of processes that
+run the same program differ by a few per cent."""
 
 RESAMPLES = 1000
 """Number of resamples of a bootstrap."""
@@ -56,7 +56,8 @@ SLOWER, EXCLUDED, ALONE = "slower", "excluded", "alone"
 STANDINGS = ("solver", "tolerance", "seconds", "ratio", "low", "high", "standing")
 """Columns of ``standings``."""
 
-_PASS, _ROUND = ["session", "number"], ["session", "number", "turn"]
+_PASS_LEVELS, _ROUND_LEVELS = ["session", "number"], ["session", "number", "turn"]
+"""Levels of the index of times that identify a pass, and a round in it."""
 
 Times = dict[tuple[str, float], "pd.Series[float]"]
 """Logarithms of the times of one problem by solver and tolerance, indexed by session, number and turn."""
@@ -71,7 +72,7 @@ class Ratio(NamedTuple):
 
 
 UNKNOWN = Ratio(np.nan, 0.0, np.inf)
-"""The ratio without times."""
+"""The ratio of two solvers without comparable times."""
 
 
 def bootstrap_ratio(
@@ -80,11 +81,12 @@ def bootstrap_ratio(
     confidence: float = CONFIDENCE,
     statistic: Callable[..., Any] = np.median,
 ) -> Ratio:
-    """Return a ratio of times and its interval.
+    """Return a ratio of times, with an infinite interval if there are too few numbers.
 
     Args:
-        logarithms: logarithms of the ratios of pairs, or of the times of one side, shape (n,).
-        others: logarithms of the times of the other side, shape (m,); None for pairs.
+        logarithms: logarithms of the ratios of pairs if ``others`` is None, else of the times in the numerator,
+            shape (n,).
+        others: logarithms of the times in the denominator, shape (m,).
         confidence: level of the interval.
         statistic: location of a sample, with an argument ``axis``.
     """
@@ -93,38 +95,43 @@ def bootstrap_ratio(
     if n == 0:
         return UNKNOWN
 
-    def difference(*parts: FloatArray, axis: int = -1) -> Any:
-        located = [statistic(part, axis=axis) for part in parts]
-        return located[0] - located[1] if others is not None else located[0]
+    def log_ratio(*parts: FloatArray, axis: int = -1) -> Any:
+        locations = [statistic(part, axis=axis) for part in parts]
+        return locations[0] - locations[1] if others is not None else locations[0]
 
-    value = float(np.exp(difference(*samples)))
+    value = float(np.exp(log_ratio(*samples)))
     if n < needed:
         return Ratio(value, 0.0, np.inf)
     from scipy import stats  # slow to import, and only reports need it
 
-    found = stats.bootstrap(
+    bootstrap = stats.bootstrap(
         samples,
-        difference,
+        log_ratio,
         n_resamples=RESAMPLES,
         vectorized=True,
-        confidence_level=_expanded(confidence, n),
+        confidence_level=_expanded_level(confidence, n),
         method="percentile",
         rng=np.random.default_rng(n),
     )
-    low, high = np.exp(found.confidence_interval)
+    low, high = np.exp(bootstrap.confidence_interval)
     return Ratio(value, float(low), float(high))
 
 
 @cache
-def _expanded(confidence: float, n: int) -> float:
-    """Return the level at which a percentile interval of n values has a coverage of ``confidence``."""
+def _expanded_level(confidence: float, n: int) -> float:
+    """Return the level at which a percentile interval of n values has about the coverage ``confidence``."""
     return float(2.0 * special.ndtr(special.stdtrit(n - 1, 0.5 + confidence / 2.0) * np.sqrt(n / (n - 1))) - 1.0)
 
 
 def ratio(times: "pd.Series[float]", others: "pd.Series[float]") -> Ratio:
-    """Return the ratio of the times of two solvers on one problem, as in ``Times``; NaN without times."""
-    for moment in (_PASS, _ROUND):
-        pairs = (times.groupby(level=moment).mean() - others.groupby(level=moment).mean()).dropna()
+    """Return the ratio of ``times`` to ``others``; NaN without times.
+
+    Args:
+        times: logarithms of the times of one solver on a problem, as in ``Times``.
+        others: those of another solver on the same problem.
+    """
+    for levels in (_PASS_LEVELS, _ROUND_LEVELS):
+        pairs = (times.groupby(level=levels).mean() - others.groupby(level=levels).mean()).dropna()
         if len(pairs) >= MIN_PAIRS:
             return bootstrap_ratio(_array(pairs))
     if min(len(times), len(others)) >= MIN_ROUNDS:
@@ -144,7 +151,7 @@ def counted_rounds(rounds: pd.DataFrame) -> pd.DataFrame:
 
 def times_by_point(rounds: pd.DataFrame) -> Times:
     """Return the logarithms of the times in the counted rounds of one problem; ``rounds`` are as in ``RunFrames``."""
-    logarithms = counted_rounds(rounds).set_index(_ROUND)
+    logarithms = counted_rounds(rounds).set_index(_ROUND_LEVELS)
     groups: Any = logarithms.groupby(["solver", "tolerance"], sort=False)["logarithm"]
     return dict(iter(groups))
 
@@ -166,8 +173,8 @@ def standings(points: pd.DataFrame, times: Times, accuracy: float, limit: float)
     Columns: solver, tolerance (of its fastest point that reaches it), seconds (its median time), ratio (to the fastest
     solver), low and high (the ends of its interval), and standing: "fastest" if all others are slower by ``MARGIN``,
     "tie" if it may be as fast as the fastest one, "slower", "undecided" if there are too few rounds, and "excluded".
-    An excluded solver has no ratio. Its true time may be any fraction of the measured one, so no solver is "fastest" on
-    a problem with an excluded solver.
+    An excluded solver has no ratio. Its true time may be any fraction of the measured one, so on a problem with an
+    excluded solver the first solver is "undecided".
 
     Args:
         points: points of the problem, as in ``RunFrames``.
@@ -180,13 +187,16 @@ def standings(points: pd.DataFrame, times: Times, accuracy: float, limit: float)
     reached = reached.sort_values("is_excluded", kind="stable", ignore_index=True)
     n_excluded = int(reached["is_excluded"].sum())
     n_compared = len(reached) - n_excluded
-    none = pd.Series(np.empty(0), index=pd.MultiIndex.from_arrays([[]] * 3, names=_ROUND))
-    own = [times.get(place, none) for place in zip(reached["solver"], reached["tolerance"], strict=True)][:n_compared]
-    ratios = [ratio(one, own[0]) for one in own[1:]]
-    others = [SLOWER if one.low > 1.0 + MARGIN else "tie" if np.isfinite(one.high) else "undecided" for one in ratios]
-    best = next((found for found in ("tie", "undecided") if found in others), "fastest")
+    no_times = pd.Series(np.empty(0), index=pd.MultiIndex.from_arrays([[]] * 3, names=_ROUND_LEVELS))
+    points_reached = zip(reached["solver"], reached["tolerance"], strict=True)
+    compared_times = [times.get(point, no_times) for point in points_reached][:n_compared]
+    ratios = [ratio(others, compared_times[0]) for others in compared_times[1:]]
+    other_standings = [
+        SLOWER if one.low > 1.0 + MARGIN else "tie" if np.isfinite(one.high) else "undecided" for one in ratios
+    ]
+    best = next((name for name in ("tie", "undecided") if name in other_standings), "fastest")
     values = [Ratio(1.0, 1.0, 1.0), *ratios][:n_compared] + [UNKNOWN] * n_excluded
-    standing = ["undecided" if n_excluded else best, *others][:n_compared] + [EXCLUDED] * n_excluded
+    standing = ["undecided" if n_excluded else best, *other_standings][:n_compared] + [EXCLUDED] * n_excluded
     rows = reached[["solver", "tolerance"]].assign(seconds=reached["total_seconds"])
     return rows.assign(
         **pd.DataFrame(values, columns=["ratio", "low", "high"], dtype=np.float64),

@@ -1,12 +1,12 @@
 """Spheres and blocks that touch the ground at one point each: sticking, sliding and rolling in closed form.
 
-G of a sphere's contact is diag(1, 7/2, 7/2)/m and that of a block without rotation diag(1, 1, 1)/m, so that the normal
-impulse Λ_N = m max(−c_N, 0) is independent of friction. It bounds the tangential impulse: Λ_T = −m_T c_T, shortened to
-the length μ Λ_N if it is longer, where 1/m_T is the tangential diagonal entry of G.
+G of a sphere's contact is diag(1, 7/2, 7/2)/m, and that of a block without rotation diag(1, 1, 1)/m. The normal impulse
+Λ_N = m max(−c_N, 0) is therefore independent of friction. It bounds the tangential impulse: Λ_T = −m_T c_T, shortened
+to the length μ Λ_N if it is longer, where 1/m_T is the tangential diagonal entry of G.
 
-With rolling friction, Λ_N bounds both impulses of a sphere that moves in one direction, |Λ_T| ≤ μ Λ_N and
-|Λ_R| ≤ μ_r Λ_N. On a slope the sphere stays at rest if tan θ ≤ μ_r/r. If it rolls, its velocity grows by
-5/7 g (sin θ − μ_r/r cos θ) Δt.
+With rolling friction, Λ_N bounds the friction impulse and the rolling moment of a sphere that moves in one direction,
+|Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N. On a slope the sphere stays at rest if tan θ ≤ μ_r/r. If it rolls, its velocity grows
+by 5/7 g (sin θ − μ_r/r cos θ) Δt.
 """
 
 import numpy as np
@@ -33,10 +33,10 @@ def separate_contacts(c: FloatArray, friction: FloatArray, compliance: float = 3
     """
     n = len(c)
     normal = np.maximum(-c[:, 0], 0.0)
-    wanted = -c[:, 1:] / compliance
-    length = np.hypot(wanted[:, 0], wanted[:, 1])
-    cut = np.minimum(1.0, friction * normal / np.where(length > 0.0, length, 1.0))
-    impulses = np.column_stack([normal, cut[:, None] * wanted]).ravel()
+    sticking = -c[:, 1:] / compliance
+    length = np.hypot(sticking[:, 0], sticking[:, 1])
+    scale = np.minimum(1.0, friction * normal / np.where(length > 0.0, length, 1.0))
+    impulses = np.column_stack([normal, scale[:, None] * sticking]).ravel()
     diagonal = np.tile([1.0, compliance, compliance], n)
     answer = Answer(impulses=(impulses,), velocity=diagonal * impulses + c.ravel())
     return body_problem(sp.eye_array(3 * n), diagonal, c.ravel(), friction, answer=answer)
@@ -87,14 +87,14 @@ def _on_inclines(friction: FloatArray, excess: FloatArray, compliance: float) ->
 def spheres_with_rolling_friction(
     motion: FloatArray, friction: FloatArray, rolling_friction: FloatArray, heading: FloatArray, axes: int = 2
 ) -> ContactProblem:
-    """Return spheres of 1 kg on the ground, each sliding and rolling in one direction with both kinds of friction.
+    """Return spheres of 1 kg on the ground that slide and roll, each along its heading, with both kinds of friction.
 
     Rows are N, T1, T2, then the angular velocities about T1 and T2, and about N for three ``axes``. A single axis is
     T2, and the heading must then be 0. The degrees of freedom of a sphere are (v, ω).
 
     Args:
-        motion: free velocity into the ground and along the heading [m/s], and free angular velocity of rolling along it
-            [rad/s], shape (n, 3).
+        motion: free velocity into the ground and along the heading [m/s], and free angular velocity of rolling in this
+            direction, about the horizontal axis perpendicular to it [rad/s], shape (n, 3).
         friction: μ, shape (n,).
         rolling_friction: μ_r [m], shape (n,).
         heading: angle of the direction to T1 [rad], shape (n,).
@@ -133,13 +133,16 @@ def sphere_on_slope(excess: float, friction: float = 0.5, share: float = 0.2, ax
 
 
 def slowing_sphere(speed: float, share: float = 0.2) -> ContactProblem:
-    """Return a sphere that rolls on level ground; it stops if ``speed`` [m/s] is at most 5/7 g Δt μ_r/r."""
+    """Return a sphere that rolls on level ground; it stops if ``speed`` [m/s] is at most 5/7 g Δt μ_r/r.
+
+    The coefficient μ_r is ``share`` times r.
+    """
     motion = np.array([[WEIGHT, speed, speed / RADIUS]])
     return spheres_with_rolling_friction(motion, np.array([0.5]), np.array([share * RADIUS]), np.zeros(1))
 
 
 def random_spheres_with_rolling_friction(n: int, axes: int = 2) -> ContactProblem:
-    """Return ``n`` spheres that slide, roll, do both or stay, with random friction and directions."""
+    """Return ``n`` spheres that slide, roll, do both or stick, with random friction and directions."""
     rng = np.random.default_rng(n)
     motion = np.column_stack([rng.random(n), rng.normal(size=n), rng.normal(size=n) / RADIUS])
     motion[::4, 1:] *= 0.01
@@ -148,7 +151,7 @@ def random_spheres_with_rolling_friction(n: int, axes: int = 2) -> ContactProble
 
 
 def with_rolling_friction(problem: ContactProblem, rolling_friction: float, axes: int = 2) -> ContactProblem:
-    """Return contacts between balls with rolling friction added.
+    """Return a problem of contacts between balls with rolling friction added.
 
     Args:
         problem: spatial contacts in factor form, with the velocity and the angular velocity of each ball as degrees of

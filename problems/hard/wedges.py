@@ -13,8 +13,8 @@ DISC = np.array([1.0, 1.0, 2.0])
 def v_groove(friction: float, half_angle: float = np.pi / 4) -> ContactProblem:
     """Return a disc of 1 kg in a groove whose walls are inclined by ``half_angle`` α [rad] to the vertical.
 
-    Without friction, Λ_N = m g Δt/(2 sin α) at each wall. With friction, u = 0 is unique (see ``supports``), but Λ is
-    not.
+    Without friction, Λ_N = m g Δt/(2 sin α) at each wall. With friction, u = 0 is unique (see the module ``supports``),
+    but Λ is not.
     """
     sin, cos = np.sin(half_angle), np.cos(half_angle)
     normals = np.array([[cos, -cos], [sin, sin]])
@@ -44,8 +44,8 @@ def arch(n: int, friction: float) -> ContactProblem:
     """
     thrust = 0.5 * n * WEIGHT
     shear = (0.5 * n - np.arange(n + 1)) * WEIGHT
-    bearing = np.hypot(thrust, shear)
-    normal_x, normal_y = thrust / bearing, shear / bearing
+    normal_impulses = np.hypot(thrust, shear)
+    normal_x, normal_y = thrust / normal_impulses, shear / normal_impulses
     directions = np.zeros((n + 2, 3, n + 1, 2))
     for k in range(n + 1):  # contact k lies between bodies k and k + 1, of which 0 and n + 1 are the abutments
         normal, tangent = np.array([normal_x[k], normal_y[k], 0.0]), np.array([-normal_y[k], normal_x[k], 0.0])
@@ -55,7 +55,7 @@ def arch(n: int, friction: float) -> ContactProblem:
     free = directions[1:-1].reshape(3 * n, 2 * (n + 1))
     motion, inverse_mass = np.tile([0.0, -WEIGHT, 0.0], n), np.tile(DISC, n)
     if friction == 0.0:
-        answer = Answer(impulses=(bearing,), velocity=np.zeros(n + 1), sensitivity=100.0 * n * n)
+        answer = Answer(impulses=(normal_impulses,), velocity=np.zeros(n + 1), sensitivity=100.0 * n * n)
         return body_problem(free[:, 0::2], inverse_mass, motion, dim=1, answer=answer)
     answer = Answer(
         velocity=np.zeros(2 * (n + 1)),
@@ -70,7 +70,7 @@ def chimney(friction: float) -> ContactProblem:
     """Return a disc of 1 kg between two vertical walls; it may fall freely, slow down or stick.
 
     The normal impulses are equal, Λ_N1 = Λ_N2 = p, and so are the friction impulses. There is a solution for every
-    p ≥ 0, so only these two equations are known. With p = 0, the disc falls freely.
+    p ≥ 0, so only these two equations hold for all solutions. With p = 0, the disc falls freely.
     """
     directions = np.zeros((3, 4))
     directions[0, 0::2], directions[1, 1::2], directions[2, 1::2] = (1.0, -1.0), 1.0, (-1.0, 1.0)
@@ -81,8 +81,8 @@ def chimney(friction: float) -> ContactProblem:
 def nearly_parallel(n: int, angle: float, friction: float) -> ContactProblem:
     """Return a point mass of 1 kg on ``n`` planar contacts whose normals lie within ±``angle`` [rad] of the vertical.
 
-    Normal impulses alone carry the weight, so ξ = 0 for any friction; the sum of all impulses is (0, m g Δt). Only the
-    tilt of the normals acts horizontally, so the sensitivity is n / ``angle``.
+    Normal impulses alone carry the weight, so ξ = 0 for any friction; the sum of all impulses is (0, m g Δt). Without
+    friction, only the tilted normals resist horizontal motion, so the sensitivity is n / ``angle``.
     """
     tilt = np.linspace(-angle, angle, n)
     directions = np.zeros((2, 2 * n))

@@ -21,7 +21,7 @@ from .rounds import TIME_SHARE
 Algorithm = Literal["Newton", "CG", "PGS"]
 
 OWN_TOLERANCES = (*(10.0**-digits for digits in range(2, 17)), 1e-30)
-"""MuJoCo's tolerances of the cost, in the order of the calls; with the last one, only rounding ends a call."""
+"""Values of MuJoCo's own tolerance, on the cost, in successive calls; the last one is met only owing to rounding."""
 
 FIRST_ITERATIONS, GROWTH = 100, 10
 """Iteration limit of the first call, and factor of the limit after a call that does not meet MuJoCo's tolerance."""
@@ -29,18 +29,18 @@ FIRST_ITERATIONS, GROWTH = 100, 10
 
 @dataclass(frozen=True)
 class MuJoCo(Method):
-    """MuJoCo's constraint solvers, called on their own through ``mj_fwdConstraint`` (Todorov 2014).
+    """MuJoCo's constraint solvers, called through ``mj_fwdConstraint`` alone (Todorov 2014).
 
-    They minimise ½ Λᵀ (G + R) Λ + Λᵀ c over the friction cones, with R = (1 − d)/d α for the largest diagonal entry α
-    of a contact. MuJoCo's default d is 0.9 to 0.95; models with hard contacts use 0.99 or more. This is the convex
-    model with compliance: the smaller R is, the harder the contacts are, and the slower the solvers converge.
+    They minimise ½ Λᵀ (G + R) Λ + Λᵀ c over the friction cones, with R = (1 − d)/d α, where α is the largest diagonal
+    entry of G for a contact. MuJoCo's default d is 0.9 to 0.95; models with hard contacts use 0.99 or more. This is the
+    convex model with compliance: the smaller R is, the harder the contacts are, and the slower the solvers converge.
 
     In a captured step they solve the program of the engine, with the A, R, b and cones that the problem holds, and
     ``impedance`` has no effect. The model is ``Model.ENGINE``, so that a claim of success there refers to this program.
 
-    A solve calls ``mj_fwdConstraint`` from the same start with ever smaller tolerances of MuJoCo, until the judge's
-    residual reaches the tolerance of the solve. ``proxbench run`` counts only the time of the call that reaches this
-    tolerance.
+    A solve calls ``mj_fwdConstraint`` from the same start with successively smaller values of MuJoCo's own tolerance,
+    until the judge's residual reaches the tolerance of the solve. ``proxbench run`` counts only the time of the call
+    that reaches this tolerance.
 
     Attributes:
         algorithm: ``"Newton"``, ``"CG"`` or ``"PGS"``.
@@ -71,14 +71,14 @@ class MuJoCo(Method):
         return unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedMuJoCo":
-        """Build a model with the same numbers of coordinates and rows, and fill in the problem."""
+        """Return the solver with a MuJoCo model that has as many coordinates and rows as the problem, and its data."""
         self.check_supports(problem)
         return PreparedMuJoCo(problem, self)
 
 
 @dataclass(frozen=True)
-class _Answer:
-    """The answer of one call, or the start of a solve.
+class _Result:
+    """The result of one call, or the start of a solve.
 
     Attributes:
         impulses: Λ [N s], shape (n_rows,).
@@ -99,7 +99,7 @@ class PreparedMuJoCo:
     Attributes:
         problem: the problem.
         residual: its residual in the model of the solver.
-        library_seconds: wall time of ``mj_fwdConstraint`` in the call whose answer the last solve returned [s]; None if
+        library_seconds: wall time of ``mj_fwdConstraint`` in the call whose result the last solve returned [s]; None if
             that is the start of the solve.
     """
 
@@ -119,43 +119,44 @@ class PreparedMuJoCo:
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         first = initial_impulses(self.problem, self.residual, start)
-        best, status = self._search(stop, _Answer(first, self.residual.judged(self.problem, first)))
+        best, status = self._search(stop, _Result(first, self.residual.judged(self.problem, first)))
         self.library_seconds = best.seconds
         reason = "" if status is Status.SOLVED else f"residual {best.residual:.1e}"
         if status is Status.STALLED:
             reason = f"its own tolerance {OWN_TOLERANCES[-1]:.0e} is met, but the residual is {best.residual:.1e}"
         return Solution(best.impulses, status, best.iterations, reason)
 
-    def _search(self, stop: Stop, start: _Answer) -> tuple[_Answer, Status]:
-        """Return the best answer of calls with ever smaller tolerances of MuJoCo, and the status of the solve."""
-        clock, best, level, planned, pace = Clock(stop.max_seconds), start, 0, FIRST_ITERATIONS, 0.0
+    def _search(self, stop: Stop, start: _Result) -> tuple[_Result, Status]:
+        """Return the best result of calls with successively smaller tolerances, and the status of the solve."""
+        clock, best, index = Clock(stop.max_seconds), start, 0
+        iteration_limit, seconds_per_iteration = FIRST_ITERATIONS, 0.0
         while best.residual > stop.tolerance:
-            if level == len(OWN_TOLERANCES):
+            if index == len(OWN_TOLERANCES):
                 return best, Status.STALLED
-            count = min(planned, stop.max_iterations)
-            if pace > 0.0:
-                count = min(count, int(TIME_SHARE * clock.remaining / pace))
+            count = min(iteration_limit, stop.max_iterations)
+            if seconds_per_iteration > 0.0:
+                count = min(count, int(TIME_SHARE * clock.remaining / seconds_per_iteration))
             if count < 1:
                 return best, Status.TIME_LIMIT if stop.max_iterations else Status.ITERATION_LIMIT
-            answer, pace = self._call(start.impulses, OWN_TOLERANCES[level], count)
-            if not np.isfinite(answer.impulses).all():
+            result, seconds_per_iteration = self._call(start.impulses, OWN_TOLERANCES[index], count)
+            if not np.isfinite(result.impulses).all():
                 return best, Status.DIVERGED
-            if answer.residual < best.residual:
-                best = answer
+            if result.residual < best.residual:
+                best = result
             elif best is start:
-                best = start = replace(start, iterations=answer.iterations)
-            if answer.iterations < count:
-                level += 1
+                best = start = replace(start, iterations=result.iterations)
+            if result.iterations < count:
+                index += 1
             elif count < stop.max_iterations:
-                planned *= GROWTH
+                iteration_limit *= GROWTH
             elif best.residual > stop.tolerance:
                 return best, Status.ITERATION_LIMIT
         return best, Status.SOLVED
 
-    def _call(self, start: FloatArray, tolerance: float, iterations: int) -> tuple[_Answer, float]:
-        """Return the answer of one call from ``start`` to MuJoCo's ``tolerance``, and the time of an iteration [s]."""
+    def _call(self, start: FloatArray, tolerance: float, iterations: int) -> tuple[_Result, float]:
+        """Return the result of one call from ``start`` to MuJoCo's ``tolerance``, and the time of an iteration [s]."""
         stage = self._stage
         stage.start(start)
         seconds = stage.run(tolerance, iterations)
         impulses, done = stage.impulses, max(stage.iterations, 1)
-        return _Answer(impulses, self.residual.judged(self.problem, impulses), done, seconds), seconds / done
+        return _Result(impulses, self.residual.judged(self.problem, impulses), done, seconds), seconds / done

@@ -1,4 +1,4 @@
-"""Block Gauss–Seidel sweeps over the assembled Delassus matrix, which solve contacts exactly, one after the other.
+"""Block Gauss–Seidel sweeps over the assembled Delassus matrix, which solve one contact after the other exactly.
 
 One sweep visits the contacts in order. For each contact, it computes the solution Λ* with the newest impulses of the
 other contacts fixed (``one_contact``), and moves Λ to Λ + ω(Λ* − Λ), projected onto the cone, with relaxation ω.
@@ -72,7 +72,10 @@ class BlockIterates(DelassusState):
         return self._sweep.step_sizes
 
     def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps; ``solve_other_spatial_blocks`` completes a sweep from the first unusual contact on."""
+        """Run ``count`` sweeps.
+
+        If ``solve_usual_spatial`` cannot solve a spatial contact, ``solve_other_spatial_blocks`` completes the sweep.
+        """
         if self._kernel is not solve_usual_spatial_blocks:
             self._kernel(count, *self._arguments)
             return
@@ -101,14 +104,15 @@ def _kernel_of(layout: BlockLayout) -> Callable[..., Any]:
 
 
 INTERPRETATION_WEIGHT = 10
-"""How much more each number counts than in other kernels that may be interpreted.
+"""Weight of each number that a sweep reads, relative to other kernels that may be interpreted.
 
-So sweeps over more than about ten contacts are compiled at once, as they would be soon in any case.
+With this weight, sweeps over more than about ten contacts are compiled at once. Otherwise they would be compiled a few
+solves later.
 """
 
 
 def _count_swept_numbers(count: int, *arguments: Any) -> int:
-    """Return how many numbers ``count`` sweeps read, times their weight."""
+    """Return the number of entries that ``count`` sweeps read, times their weight."""
     return INTERPRETATION_WEIGHT * count * count_numbers(*arguments)
 
 
@@ -117,7 +121,7 @@ _interpretable = partial(interpretable, count=_count_swept_numbers)
 
 @njit(cache=True, inline="always")
 def _split_bound(i, own, friction, fixed, partner, impulses):  # type: ignore[no-untyped-def]
-    """Return the friction bound b + μ Λ_N of block i as (μ, b); μ is 0 unless Λ_N is its own, in lane ``own``."""
+    """Return the friction bound a + μ Λ_N of block i as (μ, a); μ is 0 unless Λ_N is its own, in lane ``own``."""
     mu, bound = friction[i], fixed[i]
     if partner[i] != own:
         mu, bound = 0.0, bound + mu * impulses[partner[i]]
@@ -129,7 +133,7 @@ def _split_bound(i, own, friction, fixed, partner, impulses):  # type: ignore[no
 def solve_frictionless_blocks(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
-    """Solve each contact without friction, ``count`` times."""
+    """Sweep ``count`` times over frictionless contacts."""
     one = uint64(1)
     for _ in range(count):
         for i in range(uint64(len(friction))):
@@ -145,7 +149,7 @@ def solve_frictionless_blocks(  # type: ignore[no-untyped-def]
 def solve_planar_blocks(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
-    """Solve each planar contact, ``count`` times."""
+    """Sweep ``count`` times over planar contacts."""
     one, two, three, four = uint64(1), uint64(2), uint64(3), uint64(4)
     for _ in range(count):
         for i in range(uint64(len(friction))):
@@ -167,7 +171,7 @@ def solve_planar_blocks(  # type: ignore[no-untyped-def]
 def solve_usual_spatial_blocks(  # type: ignore[no-untyped-def]
     count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
-    """Sweep until a contact is in an unusual state; return the number of contacts visited before it."""
+    """Sweep until ``solve_usual_spatial`` cannot solve a contact; return the number of contacts visited before it."""
     one, two, three, nine = uint64(1), uint64(2), uint64(3), uint64(9)
     for done in range(count):
         for i in range(uint64(len(friction))):
@@ -187,7 +191,7 @@ def solve_usual_spatial_blocks(  # type: ignore[no-untyped-def]
 def solve_other_spatial_blocks(  # type: ignore[no-untyped-def]
     begin, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
-    """Solve the contacts of one sweep from contact ``begin`` on, including those in unusual states."""
+    """Solve the contacts of one sweep from contact ``begin`` on, in any state."""
     one, two, three, nine = uint64(1), uint64(2), uint64(3), uint64(9)
     work = np.empty(WORKSPACE_SIZE)
     for i in range(uint64(begin), uint64(len(friction))):
@@ -202,7 +206,7 @@ def solve_other_spatial_blocks(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _move_spatial(k, relaxation, mu, bound, n, t, s, impulses):  # type: ignore[no-untyped-def]
-    """Move the impulse in lanes k to k + 2 by the part ``relaxation`` towards (n, t, s), and project onto its cone."""
+    """Move the impulse in lanes k to k + 2 by the fraction ``relaxation`` to (n, t, s), and project onto its cone."""
     one, two = uint64(1), uint64(2)
     if relaxation != 1.0:
         old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
@@ -245,7 +249,7 @@ def _sweep_any(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _solve_without_rolling(block, xi, sliding, friction, bound, block_impulses, work):  # type: ignore[no-untyped-def]
-    """Replace Λ_N and Λ_T by the solution of their contact."""
+    """Replace Λ_N and Λ_T by the exact solution of a contact without rolling friction."""
     if sliding == 0:
         block_impulses[0] = solve_frictionless(block[0, 0], xi[0])
     elif sliding == 1:
@@ -262,7 +266,7 @@ def _solve_without_rolling(block, xi, sliding, friction, bound, block_impulses, 
 
 @njit(cache=True, error_model="numpy")
 def _relax(relaxation, sliding, friction, fixed, rolling, rolling_fixed, old, block_impulses):  # type: ignore[no-untyped-def]
-    """Move Λ from ``old`` by the part ``relaxation`` towards ``block_impulses``, and project onto its bounds."""
+    """Move Λ from ``old`` by the fraction ``relaxation`` to ``block_impulses``, and project onto its bounds."""
     for k in range(len(block_impulses)):
         block_impulses[k] = old[k] + relaxation * (block_impulses[k] - old[k])
     block_impulses[0] = max(block_impulses[0], 0.0)

@@ -9,8 +9,8 @@ from .. import options
 
 
 def compare(
-    before: Annotated[Path, typer.Argument(metavar="BEFORE", help="Folder or bundle of the run to compare with.")],
-    after: Annotated[Path, typer.Argument(metavar="AFTER", help="Folder or bundle of the run that may be slower.")],
+    before: Annotated[Path, typer.Argument(metavar="BEFORE", help="Folder or bundle of the baseline run.")],
+    after: Annotated[Path, typer.Argument(metavar="AFTER", help="Folder or bundle of the run to check against it.")],
     fail_on: Annotated[
         list[str] | None,
         options.output(metavar="CONDITION", help='Exit with code 1 if "time>10%" or "solved<" holds; repeatable.'),
@@ -21,9 +21,9 @@ def compare(
     quiet: options.Quiet = False,
     as_json: options.Json = False,
 ) -> int:
-    """Compare two runs: what became faster, slower, solved or unsolved.
+    """Compare two runs: list the solvers that became faster or slower, and the cases that became solved or unsolved.
 
-    Times are comparable only on one machine. Problems must have the same digest.
+    Times are comparable only on one machine. Only problems with the same digest are compared.
     """
     from rich.console import Console
 

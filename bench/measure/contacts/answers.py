@@ -52,8 +52,8 @@ def judge_answers(
         problem: the problem.
         model: the model of the solver.
         tolerance: the requested tolerance.
-        status: status of the last solve; all other solves ended SOLVED.
-        rows: the answers in order [N s], each of shape (n_rows,).
+        status: status of the last solve; all earlier solves have the status SOLVED.
+        rows: the answers, in the order of the solves [N s], each of shape (n_rows,).
     """
     distinct = {impulses.tobytes(): impulses for impulses in rows}
     judged = {key: verdicts(problem, impulses, model) for key, impulses in distinct.items()}
@@ -73,7 +73,7 @@ def judge_answers(
 def judge_control_solves(
     problem: ContactProblem, model: Model, point: Point, solves: Sequence[ControlSolve], place: str
 ) -> Point:
-    """Judge the control solves of a point, and return the point with the worst outcome.
+    """Judge the control solves of a point, and return the point with the outcome of the first one that fails.
 
     A control solve that reaches its time limit does not change the outcome. A copy may be harder than the problem:
     only false claims on it count, and its answers are not kept.

@@ -2,23 +2,27 @@
 
 A process that has warmed up on a copy of the problem with another solution is forked. The fork solves the copy again
 until its caches are warm, then solves the problem for the first time, in new units (``variants``), and ends. Let t₁ be
-the time of such a first solve, and t that of repeated ones. The repeated ones explain the first one if
+the time of such a first solve, and t that of repeated ones. The first solve is fast, or *explained*, if
 
     t₁ ≤ EXPLAINED_RATIO t + ALLOWANCE_SECONDS.
 
-The speed of a core drifts. If a first solve is beyond the bound, a round of repeated ones directly after it gives
-another t, and the larger one counts. First solves are added one by one until ``MIN_FAST_SOLVES`` more of them are
-within the bound than beyond it, or until ``MAX_SLOW_SOLVES`` more are beyond it. If the fastest of them is beyond it
-for the largest t, a note of the point gives their ratio (``notes``).
+The speed of a core drifts. After a slow first solve, another round of repeated ones gives a second t, and the larger
+one counts. First solves continue until the fast ones outnumber the slow ones by ``MIN_FAST_SOLVES``, or the slow ones
+outnumber the fast ones by ``MAX_SLOW_SOLVES``. If even the fastest first solve is slow for the largest t, a note of the
+point states the ratio of both times (``notes``).
 
 A solver has misbehaved if the fastest first solve exceeds ``MAX_RATIO`` t + ``MAX_ALLOWANCE_SECONDS`` for the median
-t. A solver may load or compile something in its first solve, and the first run of any code is slow. Before a solver is
-accused, first solves are therefore repeated in forks that have solved copies to the same tolerance. All cached kernels
-are in their memory, including those that only the timed solves have used. Copies may take fewer iterations than the
-problem and run other code. If fewer than ``MIN_SIMILAR_COPIES`` of them take about as many, a solver is accused only if
-solves after those of the problem in several other units are slow as well; all these solves run the same code. A solver
-that stores answers for all units and miscounts its iterations therefore only gets a note. Only solves during which no
-other program used the core count against a solver. More than half of ``MAX_SLOW_SOLVES`` of them are needed.
+t. There are two other reasons for such times, which are excluded before a solver is reported as misbehaving.
+
+* A solver may load or compile something in its first solve, and the first run of any code is slow. A second series of
+  first solves therefore runs in forks that have loaded all cached kernels and solved copies to the same tolerance.
+* Copies may take fewer iterations than the problem, and run other code. If fewer than ``MIN_SIMILAR_COPIES`` of them
+  take about as many, a third series runs in forks that have solved the problem itself in several other units. All
+  these solves run the same code, and the solver is reported only if this series is slow as well. A solver that stores
+  answers for all units and miscounts its iterations therefore only gets a note.
+
+Solves count against a solver only if no other program used the core during them. More than half of ``MAX_SLOW_SOLVES``
+such solves are needed.
 """
 
 import time
@@ -45,25 +49,28 @@ from .case_process import MeasuringTask
 from .variants import disguised_copy, in_other_units
 
 MIN_FAST_SOLVES = 2
-"""Least surplus of first solves within the bound over those beyond it; 1 suffices for a long solve."""
+"""Number by which fast first solves must outnumber slow ones; 1 suffices for long solves."""
 
 LONG_SECONDS = 0.02
-"""Time above which a solve counts as long, and its time varies less [s]."""
+"""Time [s] above which a solve counts as long. Times of long solves vary less."""
 
 MAX_SLOW_SOLVES = 4
-"""Surplus of first solves beyond the bound over those within it that ends them; also the size of further series."""
+"""Number by which slow first solves outnumber fast ones at the end of a series; also the size of further series."""
 
 MAX_SOLVES = 9
-"""Largest number of first solves of a point."""
+"""Largest number of first solves in the first series of a point."""
 
 MAX_RATIO, MAX_ALLOWANCE_SECONDS = 1.5, 2e-4
 """Factor and time [s] by which first solves must exceed repeated ones to prove a repeated answer."""
 
 MAX_LOADED_COPIES = 2
-"""Number of first copies after which cached kernels are loaded if the copy is slow; the first may compile some."""
+"""Number of first copies after which, if the copy is slow, cached kernels are loaded.
+
+The first copy may compile kernels, which are then loaded after the second one.
+"""
 
 N_COPIES, MAX_WARM_UPS = 2, 8
-"""Least and largest number of problems that a fork solves before a further first solve, to run the same code."""
+"""Least and largest number of problems that a fork solves before a further first solve, to warm up its code."""
 
 WARM_UP_SECONDS = 0.02
 """Time for which a fork solves these problems, unless the largest number is reached before [s]."""
@@ -88,9 +95,9 @@ class ControlSolve:
     Attributes:
         problem: the problem, or a copy of it.
         timed: the round that ends with the solve.
-        impulses: its answer in the units of ``problem`` [N s], shape (n_rows,).
+        impulses: the solution in the units of ``problem`` [N s], shape (n_rows,).
         is_steady: whether the probes of the core before and after it are close to the reference.
-        is_first: whether the process had not solved the problem in other units before; otherwise no time is stored.
+        is_first: False if the process had solved the problem in other units before; such a time is not stored.
         repeated: time of repeated solves [s]; measured again directly after a solve whose time it does not explain.
     """
 
@@ -108,7 +115,7 @@ class ControlSolve:
 
     @property
     def is_counted(self) -> bool:
-        """Whether it is solved and undisturbed."""
+        """Whether the solve succeeded and was undisturbed."""
         return self.timed.status is Status.SOLVED and self.is_undisturbed
 
     @property
@@ -130,7 +137,7 @@ class ControlSolve:
 
 
 class Controls:
-    """The first solves of one solver on one problem.
+    """A process that runs the first solves of one solver on one problem, each in a fork.
 
     Attributes:
         problem: the problem.
@@ -147,7 +154,7 @@ class Controls:
         self._can_fork, self._loads_kernels = True, False
 
     def dismiss(self) -> None:
-        """Ask the process to end."""
+        """Ask the process to end, without waiting for it."""
         if self._worker is not None:
             self._worker.dismiss()
 
@@ -158,7 +165,7 @@ class Controls:
             core.pin(self._worker.process, self.solver.threads)
 
     def close(self) -> None:
-        """End the process."""
+        """End the process, and wait for its end."""
         if self._worker is not None:
             self._worker.close()
             self._worker = None
@@ -170,17 +177,19 @@ class Controls:
             Fault: if there is no valid answer.
         """
         _, impulses = self._solve_in_fork(stop, problem_bytes(problem.anonymous()), start=start)
-        return _of_length(impulses, problem.n_rows)
+        return _validated(impulses, problem.n_rows)
 
     def first_solves(
-        self, stop: Stop, seconds: float, again: Callable[[], float], start: FloatArray | None = None
+        self, stop: Stop, seconds: float, measure_again: Callable[[], float], start: FloatArray | None = None
     ) -> list[ControlSolve]:
-        """Return first solves of the problem; one that does not end SOLVED is the last.
+        """Return first solves of the problem.
+
+        If a solve does not have the status SOLVED, it is replaced by a solve in the units of the problem, the last one.
 
         Args:
-            stop: stop criterion of the timed solves, which ended SOLVED.
+            stop: stop criterion of the timed solves, which have the status SOLVED.
             seconds: median time of the timed solves [s].
-            again: function that measures one more round, and returns its median time [s].
+            measure_again: function that measures one more round, and returns its median time [s].
             start: impulses from which they started [N s], shape (n_rows,); zero if None.
 
         Raises:
@@ -189,7 +198,7 @@ class Controls:
         solves: list[ControlSolve] = []
         needed, balance = 1 if seconds > LONG_SECONDS else MIN_FAST_SOLVES, 0
         for _ in range(MAX_SOLVES):
-            solve = _compared(self._first_solve(stop, start), seconds, again)
+            solve = _with_repeated_seconds(self._first_solve(stop, start), seconds, measure_again)
             if solve.timed.status is not Status.SOLVED:
                 return [*solves, self._unscaled_solve(stop, seconds, start)]
             solves.append(solve)
@@ -202,30 +211,34 @@ class Controls:
         number = self._number_of_warm_ups(stop, seconds)
 
         def solve_after(problems: Sequence[ContactProblem]) -> ControlSolve:
-            return _compared(self._first_solve(stop, start, problems), seconds, again)
+            return _with_repeated_seconds(self._first_solve(stop, start, problems), seconds, measure_again)
 
-        loaded = [solve_after(self._copies(stop, number)) for _ in range(MAX_SLOW_SOLVES)]
-        late: list[ControlSolve] = []
-        if _repetition(loaded, solves) and not all(solve.has_similar_copies for solve in loaded):
-            late = [replace(solve_after(self._variants(number)), is_first=False) for _ in range(MAX_SLOW_SOLVES)]
-        times = _repetition(late or loaded, [*solves, *loaded])
+        after_copies = [solve_after(self._copies(stop, number)) for _ in range(MAX_SLOW_SOLVES)]
+        after_variants: list[ControlSolve] = []
+        if _evidence_of_repetition(after_copies, solves) and not all(
+            solve.has_similar_copies for solve in after_copies
+        ):
+            after_variants = [
+                replace(solve_after(self._variants(number)), is_first=False) for _ in range(MAX_SLOW_SOLVES)
+            ]
+        times = _evidence_of_repetition(after_variants or after_copies, [*solves, *after_copies])
         if times is not None:
-            raise _repeats(stop, f"take {times[0]:.3g} s", times[1])
-        return [*min(solves, loaded, key=_median), *late]
+            raise _repetition_fault(stop, f"take {times[0]:.3g} s", times[1])
+        return [*min(solves, after_copies, key=_median_seconds), *after_variants]
 
-    def copies(self, stop: Stop, seconds: float, again: Callable[[], float]) -> list[ControlSolve]:
+    def copies(self, stop: Stop, seconds: float, measure_again: Callable[[], float]) -> list[ControlSolve]:
         """Return first solves of copies: one if repeated solves explain its time, else several.
 
         Args:
             stop: stop criterion of the timed solves.
             seconds: median time of the timed solves [s].
-            again: function that measures one more round, and returns its median time [s].
+            measure_again: function that measures one more round, and returns its median time [s].
         """
         found: list[ControlSolve] = []
         for _ in range(MAX_COPIES):
             problems = [*(self._copies(stop, N_COPIES) if found else ()), disguised_copy(self.problem, stop.tolerance)]
             solve = self._control_solve(problems[-1], stop, *map(problem_bytes, problems))
-            solve = _compared(solve, seconds, again)
+            solve = _with_repeated_seconds(solve, seconds, measure_again)
             if solve.timed.status is not Status.SOLVED:
                 break
             found.append(solve)
@@ -245,7 +258,7 @@ class Controls:
         return [disguised_copy(self.problem, stop.tolerance) for _ in range(number)]
 
     def _variants(self, number: int) -> list[ContactProblem]:
-        """Return the problem in several units, to solve before it is solved in others."""
+        """Return the problem in different units, to solve before a solve in yet other units."""
         return [in_other_units(self.problem).problem for _ in range(number)]
 
     def _first_solve(self, stop: Stop, start: FloatArray | None, after: Sequence[ContactProblem] = ()) -> ControlSolve:
@@ -265,7 +278,7 @@ class Controls:
         solve = self._control_solve(self.problem, stop, problem_bytes(self.problem.anonymous()), start=start)
         is_late = solve.timed.status is Status.TIME_LIMIT and solve.is_undisturbed
         if is_late and _is_repeated(seconds, stop.max_seconds):
-            raise _repeats(stop, f"reach the time limit of {stop.max_seconds:g} s", seconds)
+            raise _repetition_fault(stop, f"reach the time limit of {stop.max_seconds:g} s", seconds)
         return solve
 
     def _control_solve(
@@ -280,7 +293,7 @@ class Controls:
         probe = self.core.probe()
         timed, impulses = self._solve_in_fork(stop, *problems, start=start)
         is_steady = self.core.is_steady(probe, self.core.probe())
-        return ControlSolve(problem, timed, scale * _of_length(impulses, problem.n_rows), is_steady)
+        return ControlSolve(problem, timed, scale * _validated(impulses, problem.n_rows), is_steady)
 
     def _load_kernels(self) -> None:
         """Continue in a process with all cached kernels in memory; the fork server loads those of the framework."""
@@ -332,13 +345,13 @@ class Controls:
         return TimedRound.read(answer, passed, self.solver.is_built_in), numbers_of(content)
 
 
-def _compared(solve: ControlSolve, seconds: float, again: Callable[[], float]) -> ControlSolve:
+def _with_repeated_seconds(solve: ControlSolve, seconds: float, measure_again: Callable[[], float]) -> ControlSolve:
     """Return a solve with the time of repeated ones [s], measured again if they do not explain that of the solve."""
     is_slow = solve.timed.status is Status.SOLVED and not is_explained(seconds, solve.seconds)
-    return replace(solve, repeated=max(seconds, again()) if is_slow else seconds)
+    return replace(solve, repeated=max(seconds, measure_again()) if is_slow else seconds)
 
 
-def _of_length(impulses: FloatArray, n_rows: int) -> FloatArray:
+def _validated(impulses: FloatArray, n_rows: int) -> FloatArray:
     """Return the impulses of an answer.
 
     Raises:
@@ -349,7 +362,9 @@ def _of_length(impulses: FloatArray, n_rows: int) -> FloatArray:
     return impulses
 
 
-def _repetition(decisive: Sequence[ControlSolve], others: Sequence[ControlSolve]) -> tuple[float, float] | None:
+def _evidence_of_repetition(
+    decisive: Sequence[ControlSolve], others: Sequence[ControlSolve]
+) -> tuple[float, float] | None:
     """Return the times of the fastest first solve and of repeated solves [s] if these must repeat an answer.
 
     Most of the decisive solves must be solved and undisturbed. The median of their repeated times counts, because a
@@ -363,7 +378,7 @@ def _repetition(decisive: Sequence[ControlSolve], others: Sequence[ControlSolve]
     return (first, repeated) if _is_repeated(repeated, first) else None
 
 
-def _median(solves: Sequence[ControlSolve]) -> float:
+def _median_seconds(solves: Sequence[ControlSolve]) -> float:
     return float(np.median([one.seconds for one in solves]))
 
 
@@ -372,7 +387,15 @@ def _is_repeated(repeated: float, first: float) -> bool:
     return first > MAX_RATIO * repeated + MAX_ALLOWANCE_SECONDS
 
 
-def _repeats(stop: Stop, what: str, seconds: float) -> Fault:
-    """Return the fault of a solver whose first solves do ``what`` and whose repeated ones take ``seconds`` [s]."""
-    times = f"first solves to {stop.tolerance:g}, in fresh processes, {what} and repeated ones take {seconds:.3g} s"
+def _repetition_fault(stop: Stop, first_times: str, seconds: float) -> Fault:
+    """Return the fault of a solver that repeats an answer.
+
+    Args:
+        stop: stop criterion of the solves.
+        first_times: what first solves do, such as "take 2 s".
+        seconds: time of repeated solves [s].
+    """
+    times = (
+        f"first solves to {stop.tolerance:g}, in fresh processes, {first_times} and repeated ones take {seconds:.3g} s"
+    )
     return Fault(Outcome.MISBEHAVED, f"{times}: it repeats answers instead of solving")

@@ -1,9 +1,9 @@
-"""Reading of plain data sets from untrusted HDF5 files.
+"""Read plain data sets from untrusted HDF5 files.
 
 HDF5 allows links to other files, data kept in other files, virtual data sets, filters loaded at run time, and data sets
 whose declared size exceeds their data. FCLIB needs none of these, because its library writes contiguous arrays. An
-array is therefore read only if all its bytes are in the file itself. It never needs more memory than the file has
-bytes.
+array is therefore read only if all its bytes are in the file itself. Reading an array never takes more memory than the
+size of the file.
 """
 
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ def open_container(path: Path) -> Iterator["Group"]:
         raise ContainerError("it is not a regular file")
     size = path.stat().st_size
     if size > MAX_FILE_BYTES:
-        raise ContainerError(f"its {size / 2**20:.0f} MB exceed the limit of {MAX_FILE_BYTES / 2**20:.0f} MB")
+        raise ContainerError(f"its {size / 2**20:.0f} MiB exceed the limit of {MAX_FILE_BYTES / 2**20:.0f} MiB")
     try:
         with h5py.File(path, "r") as file:
             yield Group(h5py, file.id, size, "")
@@ -137,7 +137,7 @@ class Group:
         return "".join(character for character in " ".join(words)[:MAX_TEXT_LENGTH] if character.isprintable())
 
     def is_set(self, name: str) -> bool:
-        """Whether an attribute or a data set of this name has a nonzero value; False if there is neither.
+        """Return whether an attribute or a data set of this name has a nonzero value; False if there is neither.
 
         Raises:
             ContainerError: if the data set is not a single integer.
@@ -147,7 +147,7 @@ class Group:
         return name in self and self.integer(name) != 0
 
     def is_written(self, name: str) -> bool:
-        """Whether the data set exists and has data; libraries may reserve data sets that they never write.
+        """Return whether the data set exists and has data; libraries may reserve data sets that they never write.
 
         Raises:
             ContainerError: if the data set is a link, or keeps its data outside the file, in chunks or compressed.
@@ -187,7 +187,7 @@ class Group:
         return array
 
     def _has_data(self, data: Any, name: str) -> bool:
-        """Whether a data set was written, so that all its bytes are in the file.
+        """Return whether a data set was written, so that all its bytes are in the file.
 
         Raises:
             ContainerError: if its data are in other files, chunked or compressed, or smaller than their declared size.
@@ -207,7 +207,7 @@ class Group:
         n_entries = data.get_space().get_simple_extent_npoints()
         declared_size = n_entries * data_type.get_size()
         if isinstance(data_type, self._h5py.h5t.TypeStringID) and data_type.is_variable_str():
-            declared_size = stored_size  # the data set holds references to the heap, whose size differs from the type's
+            declared_size = stored_size  # references to the heap differ in size from the type
         if declared_size != stored_size or offset + stored_size > self._file_size:
             raise ContainerError(f"{where} is larger than the file; the file is truncated or damaged")
         return True

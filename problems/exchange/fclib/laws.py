@@ -36,7 +36,7 @@ class ContactLaws:
     rolling_friction: FloatArray | None = None
 
 
-_KINDS = {
+_ROWS_BY_KINDS = {
     (LawKind.UNILATERAL, LawKind.PLANAR_FRICTION): 2,
     (LawKind.UNILATERAL, LawKind.SPATIAL_FRICTION): 3,
     (LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.PLANAR_ROLLING): 3,
@@ -120,12 +120,12 @@ def _contacts_of_one_kind(laws: Laws, count: int) -> ContactLaws | None:
     """Return the laws of ``count`` contacts, with or without joints in between; None if contacts differ in kind."""
     if not count and not laws.is_friction.any():
         return ContactLaws(3, np.zeros(0))
-    at = np.flatnonzero(~laws.is_bilateral)
-    if not count or len(at) % count:
+    indices = np.flatnonzero(~laws.is_bilateral)
+    if not count or len(indices) % count:
         return None
-    members = at.reshape(count, -1)  # the laws of each contact
+    members = indices.reshape(count, -1)  # the laws of each contact
     kinds = laws.kind[members]
-    dimension = _KINDS.get(tuple(LawKind(kind) for kind in kinds[0]))
+    dimension = _ROWS_BY_KINDS.get(tuple(LawKind(kind) for kind in kinds[0]))
     is_equal = (kinds == kinds[0]).all() and np.array_equal(laws.partner[members[:, 1]], members[:, 0])
     if dimension is None or not is_equal:
         return None

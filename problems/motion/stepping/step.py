@@ -1,10 +1,10 @@
 """Steps: the one-step solve, the states of its force laws, and the step that a stepper accepts.
 
-A law projects if its prox argument x = Λ − ξ/α, where α is from the diagonal of G, lies outside its set or on the
-boundary (Studer & Glocker 2005, section 6). A unilateral law that projects is open, x_N ≤ 0. A friction law that
-projects slips: ‖x_T‖ exceeds its bound b by more than ``BOUNDARY_WIDTH``. A contact that is not active, g ≥ 0, is
-open, and the friction of an open contact, whose set is {0}, projects. A slip that reverses within one step passes
-through sticking, and counts as a switch as well.
+A law projects if its prox argument x = Λ − ξ/α lies outside its set or on the boundary, where α is the largest diagonal
+entry of the block of the law in G (Studer & Glocker 2005, section 6). A unilateral law that projects is open, x_N ≤ 0.
+A friction law that projects slips: ‖x_T‖ exceeds its bound b by more than ``BOUNDARY_WIDTH``. A contact that is not
+active, g ≥ 0, is open, and the friction of an open contact, whose set is {0}, projects. A slip that reverses within one
+step passes through sticking, and counts as a switch as well.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,8 +21,8 @@ from ..bodies.system import ActiveContacts
 from ..state import State
 
 BOUNDARY_WIDTH = 1e-8
-"""Relative width of the boundary of a friction law. Within it, rounding would decide the state, and the contact sticks:
-a contact of a body that other contacts hold may carry any friction up to its bound without moving."""
+"""Relative width of the boundary of a friction law, within which a contact sticks. Rounding would otherwise decide the
+state of a contact whose friction lies on its bound although other contacts hold its body."""
 
 NOT_FINITE = "the motion is no longer finite"
 """Beginning of the message of a step after which positions or velocities are not finite."""
@@ -75,15 +75,15 @@ def check_finite(begin: State, end: State) -> None:
 
 @dataclass(frozen=True)
 class SwitchingPoint:
-    """A law that switches: it projects in one step and not in the next, or the reverse.
+    """A switch of a law between two successive steps: it projects in exactly one of them, or its slip reverses.
 
     Attributes:
         begin: earliest time of the switch [s].
         end: latest time of the switch [s].
-        law: the law of the contact.
+        law: the law that switches.
         contact: key of the contact.
-        before: the state of the law before.
-        after: the state of the law after; if a contact slips before and after, its slip reverses.
+        before: the state of the law before the switch.
+        after: the state of the law after the switch; if a contact slips before and after, its slip reverses.
     """
 
     begin: float
@@ -109,7 +109,7 @@ class LawStates:
     slips: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
 
     def is_unchanged_since(self, before: "LawStates") -> bool:
-        """Whether no law has switched since ``before``."""
+        """Return whether no law has switched since ``before``."""
         is_same = self.closed == before.closed and self.sticking == before.sticking
         return is_same and not self._reversed(before)
 
@@ -118,14 +118,14 @@ class LawStates:
         switches: list[SwitchingPoint] = []
         reversals = self._reversed(before)
         for key in sorted({*self.closed, *before.closed}):
-            was, is_now = key in before.closed, key in self.closed
-            if was != is_now:
-                names: tuple[LawState, LawState] = ("closed", "open") if was else ("open", "closed")
-                switches.append(SwitchingPoint(begin, end, "unilateral", key, *names))
+            was_closed, is_closed = key in before.closed, key in self.closed
+            if was_closed != is_closed:
+                states: tuple[LawState, LawState] = ("closed", "open") if was_closed else ("open", "closed")
+                switches.append(SwitchingPoint(begin, end, "unilateral", key, *states))
             stuck, sticks = key in before.sticking, key in self.sticking
             if stuck != sticks or key in reversals:
-                names = ("stick" if stuck else "slip", "stick" if sticks else "slip")
-                switches.append(SwitchingPoint(begin, end, "friction", key, *names))
+                states = ("stick" if stuck else "slip", "stick" if sticks else "slip")
+                switches.append(SwitchingPoint(begin, end, "friction", key, *states))
         return tuple(switches)
 
     def _reversed(self, before: "LawStates") -> list[int]:
@@ -162,7 +162,7 @@ class AcceptedStep:
 
 @dataclass(frozen=True, eq=False)
 class ContactLanes:
-    """The contacts of a solved step, without joints, with those lanes of N, T1, T2 that are used.
+    """The contacts of a solved step, without joints, with one column for each of N, T1 and T2 that their laws use.
 
     Attributes:
         keys: keys of the contacts, ascending, shape (n_contacts,).
@@ -182,7 +182,13 @@ class ContactLanes:
 
 
 def contact_lanes(problem: ContactProblem, impulses: FloatArray, contacts: ActiveContacts) -> ContactLanes:
-    """Return the contacts of a step that solves ``problem`` with ``impulses``."""
+    """Return the contacts of a step.
+
+    Args:
+        problem: the contact problem of the step.
+        impulses: its solution Λ [N s], shape (n_rows,).
+        contacts: the active contacts, including joints.
+    """
     layout = problem.layout
     velocity = problem.relative_velocity(impulses)
     padded = [layout.pad(rows) for rows in (impulses, velocity, problem.delassus_diagonal)]

@@ -3,7 +3,7 @@
 In ``Robust``, Python code runs between the kernels. On ten contacts, this code takes ten times as long as the kernels.
 Here one kernel runs all sweeps and checks of an ordinary solve. Its operations and their order are those of ``Robust``.
 Impulses, iterations and message are therefore the same. If the kernel stops early, for example because the residual
-grows, ``Robust`` solves the problem from the start; the attempt costs less than a tenth of that solve.
+grows, ``Robust`` solves the problem from the start. The attempt takes less than a tenth of the time of ``Robust``.
 """
 
 from collections.abc import Callable
@@ -24,8 +24,8 @@ from .preparation import COUPLED, NEEDS_OTHER_SWEEPS, prepare_over_columns, prep
 from .sweeps import sweep_coupled, sweep_uncoupled
 
 SWEEP_SECONDS_PER_NUMBER = 2.5e-9
-"""Upper bound of the time of a sweep [s] per entry of G, where each row counts as 20 further entries: twice the time on
-a slow core."""
+"""Upper bound of the time of a sweep [s] per entry of G, where each row counts as 20 further entries. It is twice the
+time on a slow core."""
 
 MAX_SWEEPS = 10**9
 """Largest iteration limit that the kernel receives, as a 64-bit integer; larger limits are reduced to it."""
@@ -33,6 +33,7 @@ MAX_SWEEPS = 10**9
 COUPLED_MESSAGE, UNCOUPLED_MESSAGE = (
     f"{sweeps.name}: {Status.SOLVED}" for sweeps in (SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS)
 )
+"""Messages of solutions for coupled and for uncoupled contacts, as ``Robust`` reports them."""
 
 _KERNELS = DeferredKernels(
     (prepare_over_matrix, prepare_over_columns, prepare_over_pieces, sweep_coupled, sweep_uncoupled),
@@ -51,23 +52,30 @@ def longest_seconds(n_rows: int) -> float:
 
 
 class PreparedSmall:
-    """The prepared sweeps of one small problem."""
+    """The prepared sweeps of one small problem.
 
-    __slots__ = ("_arguments", "_by_parts", "_kernel", "_message", "_min_sweeps", "_prepare_by_parts", "problem")
+    Args:
+        problem: the problem.
+        is_coupled: whether its contacts are coupled.
+        arguments: arguments of the kernel that depend on the problem.
+        prepare_general: prepares ``Robust`` for problems of any size; called if the kernel does not solve the problem.
+    """
+
+    __slots__ = ("_arguments", "_general_prepared", "_kernel", "_message", "_min_sweeps", "_prepare_general", "problem")
 
     def __init__(
         self,
         problem: ContactProblem,
         is_coupled: bool,
         arguments: tuple[Any, ...],
-        prepare_by_parts: Callable[[ContactProblem], Prepared],
+        prepare_general: Callable[[ContactProblem], Prepared],
     ) -> None:
         self.problem, self._arguments = problem, arguments
         self._kernel: Callable[..., tuple[bool, int]] = sweep_coupled if is_coupled else sweep_uncoupled
         self._message = COUPLED_MESSAGE if is_coupled else UNCOUPLED_MESSAGE
         self._min_sweeps = sweeps_between_checks(problem, SAFEGUARDED_SWEEPS if is_coupled else UNCOUPLED_SWEEPS)
-        self._prepare_by_parts = prepare_by_parts
-        self._by_parts: Prepared | None = None
+        self._prepare_general = prepare_general
+        self._general_prepared: Prepared | None = None
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Sweep in one kernel; if it stops early, solve with ``Robust``. See ``Prepared.solve``."""
@@ -80,15 +88,19 @@ class PreparedSmall:
             is_solved, iterations = self._kernel(*self._arguments, *limits, impulses)
             if is_solved:
                 return Solution(impulses, Status.SOLVED, iterations, self._message)
-        if self._by_parts is None:
-            self._by_parts = self._prepare_by_parts(self.problem)
-        return self._by_parts.solve(stop, start, observe)
+        if self._general_prepared is None:
+            self._general_prepared = self._prepare_general(self.problem)
+        return self._general_prepared.solve(stop, start, observe)
 
 
 def prepare_small(
-    problem: ContactProblem, prepare_by_parts: Callable[[ContactProblem], Prepared]
+    problem: ContactProblem, prepare_general: Callable[[ContactProblem], Prepared]
 ) -> PreparedSmall | None:
-    """Return the prepared sweeps of a small problem; None if they do not suit it or the kernels are not in use yet."""
+    """Return the prepared sweeps of a small problem, or None.
+
+    None means that the problem is too large, has other laws or requires other sweeps, or that the kernels have not been
+    loaded yet. For ``prepare_general``, see ``PreparedSmall``.
+    """
     free = problem.free_velocity
     if not 0 < len(free) <= MAX_SMALL_SIZE or not _KERNELS.should_use():
         return None
@@ -98,7 +110,7 @@ def prepare_small(
     coupling, stuck, scale, *prepared = _prepare(problem, free, laws.preparation)
     if coupling == NEEDS_OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
         return None
-    return PreparedSmall(problem, coupling == COUPLED, (*prepared, scale, free, *laws.sweeps), prepare_by_parts)
+    return PreparedSmall(problem, coupling == COUPLED, (*prepared, scale, free, *laws.sweeps), prepare_general)
 
 
 def _prepare(problem: ContactProblem, free: FloatArray, laws: tuple[Any, ...]) -> Any:

@@ -110,7 +110,7 @@ def test_a_stored_run_uses_a_library_only_where_it_is_named(
     library = Path(shutil.copy(sweeps, tmp_path / "mine.so"))
     uses = solver_spec(f"Shared({library})").files
     check_plugins_unchanged(uses)
-    monkeypatch.setattr(native_files, "_in_use", {})
+    monkeypatch.setattr(native_files, "_allowed", {})
     with pytest.raises(BenchError, match=r"need the file .*mine.so; name it with `plugins`"):
         check_plugins_unchanged(uses)
     use_plugin_files([library])
@@ -120,7 +120,7 @@ def test_a_stored_run_uses_a_library_only_where_it_is_named(
     use_plugin_files([library])
     with pytest.raises(BenchError, match=r"file .*mine.so has changed since the run began"):
         check_plugins_unchanged(uses)
-    monkeypatch.setattr(native_files, "_in_use", {})
+    monkeypatch.setattr(native_files, "_allowed", {})
     library.unlink()
     with pytest.raises(BenchError, match=r"mine.so, which is missing; restore it"):
         check_plugins_unchanged(uses)
@@ -182,7 +182,7 @@ def test_a_run_measures_libraries_and_programs_and_detects_wrong_claims(
     assert points[names[0]] == points[names[6]] == "solved"
     assert points[names[1]] == points[names[4]] == "wrong"
     assert [cases[names[number]] for number in (2, 3, 5)] == ["timeout", "crashed", "timeout"]
-    monkeypatch.setattr(native_files, "_in_use", {})
+    monkeypatch.setattr(native_files, "_allowed", {})
     with pytest.raises(BenchError, match="name it with `plugins`"):
         resume(tmp_path / "it")
     resume(tmp_path / "it", plugins=[faulty, sweeps, program, own])

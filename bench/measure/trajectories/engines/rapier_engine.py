@@ -1,4 +1,4 @@
-"""Rapier: a scene in a world of single precision, on one thread."""
+"""Scenes in Rapier, in single precision and on one thread."""
 
 from importlib import import_module
 from typing import Any
@@ -10,11 +10,22 @@ from .description import BodyStates, Description
 from .solved_problem import SolvedProblem, solved_problem
 
 VELOCITY_ERROR = 1e-4
-"""Largest error of the velocities that impulses cause, relative to the largest change of velocity by contacts."""
+"""Largest error of the velocity changes computed from impulses, relative to the largest change by contacts."""
 
 
 class RapierEngine:
-    """A scene in Rapier."""
+    """A scene in Rapier.
+
+    Args:
+        description: the scene.
+        time_step: length of a step [s].
+        options: ``iterations`` and ``friction_model``; Rapier's defaults for those that are missing.
+
+    Attributes:
+        world: Rapier's world.
+        bodies: Rapier's moving bodies, in the order of the description.
+        reports_friction: whether Rapier reports friction impulses.
+    """
 
     def __init__(self, description: Description, time_step: float, options: dict[str, Any]) -> None:
         rapier = import_module("rapier3d")
@@ -71,16 +82,19 @@ class RapierEngine:
         if self.reports_friction:
             self._before = self.states()
             colliders, bodies = self.world.colliders, self.world.rigid_bodies
-            found = [(handle, colliders.get(handle)) for handle in self._colliders]
-            self._places = {  # Rapier moves a collider to its body only in the next step
-                handle: one.position if one.parent is None else bodies.get(one.parent).position for handle, one in found
-            }
+            self._poses: dict[Any, Any] = {}
+            for handle in self._colliders:
+                collider = colliders.get(handle)
+                # Rapier moves a collider to its body only in the next step
+                carrier = collider if collider.parent is None else bodies.get(collider.parent)
+                self._poses[handle] = carrier.position
 
     def solved_problem(self) -> SolvedProblem | None:
-        """Return the problem of the last step; None if the reported impulses do not explain its velocities.
+        """Return the problem of the last step, or None.
 
-        Rapier reports no friction impulses of its default model. In stacks that turn, impulses act at points other than
-        the reported ones.
+        None means that there are no contacts, or that the reported impulses do not reproduce the velocities. Rapier
+        does not report friction impulses of its default friction model. In rotating stacks, impulses act at points
+        other than the reported ones.
         """
         if not self.reports_friction:
             return None
@@ -89,24 +103,25 @@ class RapierEngine:
         columns: dict[str, list[Any]] = {name: [] for name in names}
         impulses = []
         for pair in self.world.narrow_phase.contact_pairs():
-            one, two = self._places[pair.collider1], self._places[pair.collider2]
+            poses = self._poses[pair.collider1], self._poses[pair.collider2]
             for manifold in pair.manifolds:
                 data = manifold.data
-                bodies = (number.get(body, -1) for body in (data.rigid_body1, data.rigid_body2))
-                of_all = (*bodies, np.array([*data.normal]), _first_tangent(*data.normal))
+                body_1, body_2 = (number.get(body, -1) for body in (data.rigid_body1, data.rigid_body2))
+                normal, tangent = np.array([*data.normal]), _first_tangent(*data.normal)
                 for point in manifold.points:
-                    ends = (one.transform_point(point.local_p1), two.transform_point(point.local_p2))
-                    middle = np.mean([[*end] for end in ends], axis=0)
-                    values = (*of_all[:2], middle, of_all[2], point.dist, of_all[3])
+                    local_points = point.local_p1, point.local_p2
+                    ends = [pose.transform_point(local) for pose, local in zip(poses, local_points, strict=True)]
+                    middle = np.mean([[*end] for end in ends], axis=0)  # impulses act halfway between both points
+                    values = (body_1, body_2, middle, normal, point.dist, tangent)
                     for name, value in zip(names, values, strict=True):
                         columns[name].append(value)
                     first, second = point.tangent_impulse
                     impulses.append((point.impulse, first, -second))
         solved = solved_problem(self.description, self._before, self.time_step, columns, np.array(impulses))
-        return solved if solved is not None and _explains(solved, self.states()) else None
+        return solved if solved is not None and _reproduces_velocities(solved, self.states()) else None
 
 
-def _explains(solved: SolvedProblem, after: BodyStates) -> bool:
+def _reproduces_velocities(solved: SolvedProblem, after: BodyStates) -> bool:
     """Return whether M⁻¹ W Λ equals the final minus the free velocities, up to ``VELOCITY_ERROR`` of the difference."""
     factors = solved.problem.factors
     assert factors is not None
@@ -120,7 +135,7 @@ def _first_tangent(x: float, y: float, z: float) -> FloatArray:
     """Return the direction of Rapier's first friction impulse on body 2; it depends on the normal alone.
 
     Rapier's basis is that of −n: with s the sign of −n_z and a = −1/(s − n_z), its first vector is
-    (n_x n_y a, s + n_y² a, n_y) on body 1. Impulses act halfway between the two points of a contact.
+    (n_x n_y a, s + n_y² a, n_y) on body 1.
     """
     sign = np.copysign(1.0, -z)
     scale = -1.0 / (sign - z)

@@ -1,14 +1,15 @@
-"""Scalars of joints, one per row of a table, and their derivatives with respect to the velocities of two bodies.
+"""Scalar functions of the poses of two bodies that joints constrain, and their derivatives; one per row of a table.
 
 Let x, R and x', R' be the positions and rotations of the two bodies, p and p' points in their axes, and
-d = x + R p − x' − R' p' the vector between these points. The scalars are
+d = x + R p − x' − R' p' the vector between these points. The scalar functions are
 
     distance       |d|
     along an axis  (R' n)ᵀ d        for n fixed in the second body
-    orientation    (R' n)ᵀ (R f)    for f fixed in the first body, and perpendicular to n where the joint closes
+    orientation    (R' n)ᵀ (R f)    for f fixed in the first body, and perpendicular to n if the joint is closed
     angle          θ about n of the first body relative to the second one; f points along s ⊥ n at θ = 0
 
-The scalars do not change if both bodies move as one. Rates follow from d(R p)/dt = R (ω × p), with ω in body axes.
+The scalars do not change if both bodies move as one. Their derivatives, called rates, follow from
+d(R p)/dt = R (ω × p), with ω in body axes.
 """
 
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ from ...detection.clipping import dot
 from .orientation import rotation_matrices
 
 DISTANCE, ALONG_AXIS, ORIENTATION, ANGLE = range(4)
-"""Kinds of scalars."""
+"""Kinds of scalar functions, in the order above."""
 
 _NOTHING = np.zeros(3)
 
@@ -38,12 +39,12 @@ class JointRow(NamedTuple):
         kind: kind of the scalar.
         bodies: indices of the two bodies, −1 for the world.
         points: p and p' in body axes [m], shape (2, 3).
-        first_axis: f.
-        second_axis: n.
-        side: s, a unit vector of the second body perpendicular to n.
+        first_axis: f in axes of the first body, shape (3,).
+        second_axis: n in axes of the second body, shape (3,).
+        side: s, a unit vector in axes of the second body, perpendicular to n, shape (3,).
         sign: 1 or −1.
         offset: number to add [m or rad].
-        middle: an angle is changed by multiples of 2π until it differs by at most π from this one [rad].
+        middle: centre of the interval of length 2π to which an angle is reduced [rad].
     """
 
     kind: int
@@ -57,11 +58,11 @@ class JointRow(NamedTuple):
     middle: float = 0.0
 
     def plus(self, offset: float) -> "JointRow":
-        """Return the row of scalar + offset."""
+        """Return the row of ± scalar + offset, with the sign of this row; the offset replaces that of this row."""
         return self._replace(offset=offset)
 
     def minus(self, offset: float) -> "JointRow":
-        """Return the row of offset − scalar."""
+        """Return the row of offset − scalar; the offset replaces that of this row."""
         return self._replace(sign=-1.0, offset=offset)
 
 
@@ -98,8 +99,8 @@ class JointTable(NamedTuple):
         Returns:
             Values [m or rad], shape (n,), and derivatives, shape (n, 2, 6). The derivatives of a zero distance are 0.
         """
-        everything = np.concatenate([poses, _WORLD_POSE])
-        values, rates = _evaluate(self, everything, rotation_matrices(everything[:, 3:]))
+        all_poses = np.concatenate([poses, _WORLD_POSE])  # the index −1 selects the world
+        values, rates = _evaluate(self, all_poses, rotation_matrices(all_poses[:, 3:]))
         return values, rates
 
 
@@ -110,42 +111,43 @@ def columns(bodies: IntArray, rates: FloatArray, n_bodies: int) -> sp.csc_array[
 
 @njit(cache=True)
 def _evaluate(table, poses, rotations):  # type: ignore[no-untyped-def]
+    """Return values and derivatives as ``JointTable.at``; the last pose and rotation are those of the world."""
     n = len(table.kind)
     values, rates = np.empty(n), np.zeros((n, 2, 6))
     for row in range(n):
         (i, j), kind, side = table.bodies[row], table.kind[row], table.side[row]
-        one, other = rotations[i], rotations[j]
+        first, second = rotations[i], rotations[j]
         p, q = _vector(table.points[row, 0]), _vector(table.points[row, 1])
         f, n_axis = _vector(table.first_axis[row]), _vector(table.second_axis[row])
-        from_one, from_other = _to_world(one, p), _to_world(other, q)
+        first_arm, second_arm = _to_world(first, p), _to_world(second, q)
         d = (
-            poses[i, 0] + from_one[0] - poses[j, 0] - from_other[0],
-            poses[i, 1] + from_one[1] - poses[j, 1] - from_other[1],
-            poses[i, 2] + from_one[2] - poses[j, 2] - from_other[2],
+            poses[i, 0] + first_arm[0] - poses[j, 0] - second_arm[0],
+            poses[i, 1] + first_arm[1] - poses[j, 1] - second_arm[1],
+            poses[i, 2] + first_arm[2] - poses[j, 2] - second_arm[2],
         )
-        along, nothing = _to_world(other, n_axis), (0.0, 0.0, 0.0)
+        along, nothing = _to_world(second, n_axis), (0.0, 0.0, 0.0)
         if kind in (DISTANCE, ALONG_AXIS):
             value = dot(along, d)
             if kind == DISTANCE:
                 value = np.sqrt(dot(d, d))
                 along = nothing if value == 0.0 else (d[0] / value, d[1] / value, d[2] / value)
-            _write(rates[row, 0], 1.0, along, _cross(p, _to_body(one, along)))
-            turned = _cross(q, _to_body(other, along))
+            _write(rates[row, 0], 1.0, along, _cross(p, _to_body(first, along)))
+            turned = _cross(q, _to_body(second, along))
             if kind == ALONG_AXIS:
-                lever = _cross(n_axis, _to_body(other, d))
+                lever = _cross(n_axis, _to_body(second, d))
                 turned = (turned[0] - lever[0], turned[1] - lever[1], turned[2] - lever[2])
             _write(rates[row, 1], -1.0, along, turned)
         elif kind == ORIENTATION:
-            f_world = _to_world(one, f)
+            f_world = _to_world(first, f)
             value = dot(f_world, along)
-            _write(rates[row, 0], 1.0, nothing, _cross(f, _to_body(one, along)))
-            _write(rates[row, 1], 1.0, nothing, _cross(n_axis, _to_body(other, f_world)))
+            _write(rates[row, 0], 1.0, nothing, _cross(f, _to_body(first, along)))
+            _write(rates[row, 1], 1.0, nothing, _cross(n_axis, _to_body(second, f_world)))
         else:
-            now, start = _to_body(other, _to_world(one, f)), _vector(side)
+            now, start = _to_body(second, _to_world(first, f)), _vector(side)
             value = np.arctan2(dot(now, _cross(n_axis, start)), dot(now, start))
             turns = np.rint((value - table.middle[row]) / (2.0 * np.pi))
             value -= 2.0 * np.pi * turns
-            _write(rates[row, 0], 1.0, nothing, _to_body(one, along))
+            _write(rates[row, 0], 1.0, nothing, _to_body(first, along))
             _write(rates[row, 1], -1.0, nothing, n_axis)
         values[row] = table.sign[row] * value + table.offset[row]
         if table.sign[row] < 0.0:

@@ -1,7 +1,7 @@
 """A wall of bricks in running bond, at rest or struck by a ball.
 
 The bricks lie level, without mortar. The wall stands with any friction, because normal forces alone balance all
-weights; the equilibrium program confirms this at μ = 0. The ball flies horizontally at half the height of the wall.
+weights; ``proxbench statics`` confirms this at μ = 0. The ball flies horizontally at half the height of the wall.
 """
 
 from collections.abc import Iterator, Sequence
@@ -62,7 +62,9 @@ class BrickWall:
         if not 0.0 <= self.speed < inf:
             raise ProblemError(f"speed of the ball must not be negative, got {self.speed}; 0 omits the ball.")
         if not 0.0 <= self.overlap < 0.1 * self.size[2]:
-            raise ProblemError(f"overlap of a wall must be below a tenth of the height of a brick, got {self.overlap}.")
+            raise ProblemError(
+                f"overlap of a wall must be at least 0 and below a tenth of the height of a brick, got {self.overlap}."
+            )
         if self.speed and self.radius > self.mid_height:
             raise ProblemError("the ball touches the ground at half the wall's height; reduce its radius, or add rows.")
 
@@ -72,7 +74,7 @@ class BrickWall:
         return 0.5 * self.rows * self.size[2]
 
     def _bricks(self) -> Iterator[tuple[float, float, float]]:
-        """Yield the row of each brick, and its middle and length in brick lengths, from the bottom left."""
+        """Yield the row of each brick, and its centre along x and its length in brick lengths, from the bottom left."""
         for row in range(self.rows):
             begin = -0.5 * self.columns
             lengths = [1.0] * self.columns if row % 2 == 0 else [0.5, *[1.0] * (self.columns - 1), 0.5]

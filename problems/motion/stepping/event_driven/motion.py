@@ -41,9 +41,9 @@ class Phase:
     """Smooth motion between two events.
 
     Attributes:
-        begin: t at its beginning [s].
-        end: t at its end [s].
-        interpolant: function t ↦ (q, u) in one array.
+        begin: start time [s].
+        end: end time [s].
+        interpolant: function t ↦ (q, u), shape (n_coordinates + n_dofs,).
     """
 
     begin: float
@@ -84,10 +84,10 @@ class Motion:
 
 
 class MotionError(ProxbenchError):
-    """A motion cannot be continued.
+    """A motion cannot be continued, or does not reach a requested time.
 
     Attributes:
-        motion: the motion up to the error.
+        motion: the motion as far as it was computed.
     """
 
     def __init__(self, message: str, motion: Motion) -> None:
@@ -96,7 +96,7 @@ class MotionError(ProxbenchError):
 
 
 class AccumulationError(MotionError):
-    """Infinitely many impacts follow in finite time, which event-driven integration cannot pass.
+    """Infinitely many impacts accumulate at a time beyond which event-driven integration cannot continue.
 
     Attributes:
         contact: the bouncing contact.
