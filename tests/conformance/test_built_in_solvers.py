@@ -98,8 +98,11 @@ SLOW = (
 )
 """Solvers that take minutes for ``LONG``, and variants of such solvers; only the full profile runs these checks."""
 
-PATIENT = ("CentralPath", "InteriorPoint(", "InteriorNewton", "Refined", "ClarabelCoulomb", "MomentumFallback")
-"""Solvers that take seconds for all checks, or are composed of solvers that are checked daily."""
+PATIENT = (
+    *("CentralPath", "InteriorPoint(", "InteriorNewton", "Refined", "ClarabelCoulomb", "MomentumFallback"),
+    "ColouredSORprox",
+)
+"""Solvers that take seconds for all checks or to compile, or are composed of solvers that are checked daily."""
 
 DAILY = {"SORprox"}
 """The solver that runs the long checks daily."""

@@ -61,9 +61,9 @@ FACTORISING = ("Clarabel", "Interior", "CentralPath", "SAP", "Semismooth")
 FOR_COMPARISON = {
     *("ProximalADMM", "ProximalPoint", "APGD", "SAP"),
     *("NesterovSORprox", "CentralPath"),
-    *("InteriorNewton", "MomentumFallback"),
+    *("InteriorNewton", "MomentumFallback", "ColouredSORprox"),
 }
-"""Solvers that are included for comparison, as parts of other solvers, or as compositions of them.
+"""Solvers for comparison or for many contacts, parts of other solvers, and compositions of them.
 
 Only the full profile runs them on all cases."""
 

@@ -39,10 +39,10 @@ VARIANTS = ("SORprox(form='factors')", "SORprox(step_size='row_sum')")
 """Options that select other kernels."""
 
 SIMULATIONS: tuple[tuple[Any, ...], ...] = (
-    ("funnel(balls=30)", "Moreau(step=1e-3)", 5e-3),
-    ("funnel(balls=30, planar=True)", "Moreau(step=1e-3)", 5e-3),
-    ("funnel(balls=30, friction=None)", "Moreau(step=1e-3)", 5e-3),
-    ("funnel(balls=30)", "Moreau(step=1e-3)", 5e-3, "ColouredSORprox"),
+    ("funnel(balls=300)", "Moreau(step=5e-3)", 0.1),
+    ("funnel(balls=300, planar=True)", "Moreau(step=5e-3)", 0.1),
+    ("funnel(balls=300, friction=None)", "Moreau(step=5e-3)", 0.1),
+    ("funnel(balls=300)", "Moreau(step=5e-3)", 0.1, "ColouredSORprox"),
     ("funnel(balls=1000)", "Moreau(step=5e-3)", 0.1),
     ("bouncing_ball", "StepDoubling", 0.6),
     ("woodpecker", "Extrapolated", 0.02),

@@ -103,7 +103,7 @@ class ColouredSweep:
         coupling = own_coupling(pairs.starts, pairs.values).reshape(-1)
         batches = Batches(slabs.places, slabs.n_batches)
         data = batch_arguments(pairs, batches, free.reshape(-1), laws, coupling)
-        slots = slots_in_batches(slabs.places).reshape(-1, 3)[:, : layout.width].reshape(-1)
+        slots = slots_in_batches(slabs.places).reshape(-1, 3)[:, : layout.width].flatten()
         return ColouredSweep(layout, data, None, partial(_motion, layout, pairs), slabs, slots, threads)
 
 

@@ -93,12 +93,14 @@ def test_a_quiet_run_without_a_page_prints_where_its_files_are_and_draws_none(
     assert any((run / "charts").iterdir())
 
 
+@pytest.mark.slow
 def test_a_quiet_check_prints_what_failed_and_nothing_of_what_passed(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["check", "hard-groove", "--quiet"]) == 0
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == ("", "")
 
 
+@pytest.mark.slow
 def test_a_quiet_matrix_prints_where_its_page_is(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     page = tmp_path / "matrix.md"
     line = f"matrix --problem hard-groove --problem hard-empty --solver SORprox --quiet --output {page}"

@@ -228,6 +228,7 @@ def test_info_shows_the_residual_of_stored_impulses(tmp_path: Path, capsys: Capt
     assert capsys.readouterr().out.splitlines()[1].split()[-2] == "5.0e-01"
 
 
+@pytest.mark.slow
 def test_quiet_commands_print_only_the_paths_of_their_files(tmp_path: Path, capsys: Capture) -> None:
     problem, exported = tmp_path / "made" / "funnel-30.npz", tmp_path / "hard.json"
     assert run_command(["generate", "funnel-30", "--output", str(problem.parent), "--quiet"]) == 0

@@ -42,6 +42,7 @@ def test_a_terminal_shows_the_name_of_what_is_measured() -> None:
     assert "hard[1]" in text.getvalue()
 
 
+@pytest.mark.slow
 def test_a_terminal_shows_how_many_are_done_and_the_table_of_the_last_problem() -> None:
     text = io.StringIO()
     with RunProgress(console=Console(file=text, force_terminal=True, width=120)) as shown:

@@ -63,6 +63,7 @@ def test_a_damaged_case_gives_exit_code_1_after_the_tables_of_the_others(
     assert f"proxbench: {file.name} is damaged (" in printed.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [

@@ -157,6 +157,7 @@ def test_a_study_in_which_nothing_moves_warns_before_anything_is_measured(hidden
     assert text.getvalue().count("no coordinate of stack changes") == 1
 
 
+@pytest.mark.slow
 def test_a_study_says_what_it_has_to_do_and_counts_its_points(tmp_path: Path) -> None:
     events: list[Event] = []
     ladder = {"Moreau with SORprox": (2e-3, 1e-3), "Extrapolated with SORprox": (1e-3,)}

@@ -59,7 +59,7 @@ def carried_out(action: str) -> Case:
         ("exit", Outcome.CRASHED, "exit code 7"),
         ("segfault", Outcome.CRASHED, "SIGSEGV"),
         ("sleep", Outcome.TIMEOUT, "its 1 s"),
-        ("spin", Outcome.TIMEOUT, "its 1 s"),
+        pytest.param("spin", Outcome.TIMEOUT, "its 1 s", marks=pytest.mark.slow),
         ("allocate", Outcome.OUT_OF_MEMORY, "256 MiB"),
         pytest.param(
             "allocate for ever",

@@ -220,6 +220,7 @@ def test_an_unknown_option_of_a_plugin_is_answered_with_the_nearest(written: Cal
         solver_spec("Filed(relaxtion=1)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "outcome", "words"),
     [

@@ -27,6 +27,7 @@ def recorded(tmp_path: Path, read_back: Callable[[Path], Any]) -> Iterator[Calla
     forget(PluginFile.read(PLUGIN))
 
 
+@pytest.mark.slow
 def test_a_recording_of_an_own_scene_draws_its_balls_and_surfaces(recorded: Callable[[str], Any]) -> None:
     content = recorded("tower(balls=3)")
     places = content.over_time("/scene/bodies/0", "InstancePoses3D:translations")

@@ -102,6 +102,7 @@ def test_charts_say_which_problems_shares_are_of(declined: RunFrames) -> None:
             assert axis in json.dumps(charts[name].to_dict())
 
 
+@pytest.mark.slow
 def test_a_chart_without_common_problems_says_so_and_shows_all(declined: RunFrames) -> None:
     for problem in ("hard-counterexample", "hard-immovable"):
         declined = declining(declined, problem, "SORprox")
@@ -123,7 +124,7 @@ def output_of_page(document: dict[str, Any], script: str) -> Any:
 
 
 @needs_node
-@pytest.mark.parametrize("view", [COMMON, EVERY])
+@pytest.mark.parametrize("view", [COMMON, pytest.param(EVERY, marks=pytest.mark.slow)])
 def test_the_script_of_the_page_computes_both_views(declined: RunFrames, view: str) -> None:
     script = f"""const whole = {{ ...run, run, accuracy: 1e-4 }};
         const view = profileView(whole, {json.dumps(view == COMMON)});
@@ -172,7 +173,7 @@ def test_times_are_compared_between_solvers_in_as_many_threads(
 
 
 @needs_node
-@pytest.mark.parametrize("baseline", ["A", "C"])
+@pytest.mark.parametrize("baseline", ["A", pytest.param("C", marks=pytest.mark.slow)])
 def test_the_script_of_the_page_compares_solvers_in_as_many_threads(baseline: str, threaded: RunFrames) -> None:
     document = page_document(threaded, baseline)
     script = """const whole = { ...run, run, accuracy: 1e-6 };
@@ -292,6 +293,7 @@ def test_a_run_without_cases_has_no_profiles(finished_run: Path, tmp_path: Path)
         baseline_of(load(tmp_path))
 
 
+@pytest.mark.slow
 def test_problems_with_an_excluded_time_are_left_out_of_times_and_stay_in_residuals(finished_run: Path) -> None:
     frames = load(finished_run)
     marked = (frames.points["problem"] == "funnel-30") & (frames.points["solver"] == "SORprox")

@@ -74,6 +74,7 @@ def test_potential_energy_of_balls_is_known_if_that_of_every_force_is(effects: l
     assert (None if energy is None else energy(np.array([0.0, 0.0, 0.5]))) == known
 
 
+@pytest.mark.slow
 def test_a_scene_that_does_not_know_its_potential_energy_shows_no_energy(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -95,6 +95,7 @@ def test_a_block_given_by_functions_falls_bounces_and_is_stopped_by_friction() -
     assert reached.steps["kinetic_energy"][0] == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_joints_and_contacts_of_different_rows_move_in_the_same_bits_and_are_stored(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     plan = make_simulation_plan("coupled", stepper="Moreau(step=1e-3)", duration=0.02, tolerance=1e-8)

@@ -82,6 +82,7 @@ def test_the_count_through_the_outlet_is_that_of_balls_below_it(flow: Simulation
     assert (np.diff(flow.steps["balls_through"]) >= 0).all()
 
 
+@pytest.mark.slow
 def test_a_pile_that_comes_to_rest_later_than_the_window_is_not_jammed_before_it(jam: Simulation) -> None:
     resting = jam.steps["agitation"] <= 1e-4
     rest = jam.steps["time"][-1] - jam.steps["time"][~resting].max()

@@ -89,7 +89,7 @@ def test_each_start_has_its_name_in_the_plan_and_in_the_registry() -> None:
         assert make_simulation_plan("pile", start=name).record.start == name
 
 
-@pytest.mark.parametrize("start", ["warm", "cold"])
+@pytest.mark.parametrize("start", ["warm", pytest.param("cold", marks=pytest.mark.slow)])
 def test_a_simulation_takes_the_steps_of_the_bare_solver(start: str, pour: Pour) -> None:
     plan = pour(170, solver="NSGS", tolerance=1e-30, start=start, max_iterations=700)
     length = plan.stepper.shortest_step(plan.scene)

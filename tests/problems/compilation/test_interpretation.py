@@ -62,7 +62,14 @@ print(code, is_available("bodies-box-sticking"), "SORprox" in text.getvalue(), C
     assert _run_on_an_empty_cache(code) == ["0", "True", "True", "0"]
 
 
-@pytest.mark.parametrize(("free_velocity", "dim"), [([-1.0], 1), ([-1.0, 0.2], 2), ([-1.0, 0.2, 0.1], 3)])
+@pytest.mark.parametrize(
+    ("free_velocity", "dim"),
+    [
+        pytest.param([-1.0], 1, marks=pytest.mark.slow),
+        pytest.param([-1.0, 0.2], 2, marks=pytest.mark.slow),
+        ([-1.0, 0.2, 0.1], 3),
+    ],
+)
 def test_the_first_solve_of_a_small_problem_compiles_nothing(free_velocity: list[float], dim: int) -> None:
     code = f"""
 import numpy as np

@@ -43,6 +43,7 @@ def test_the_comparison_is_written_as_markdown_or_json(
     assert json.loads(capsys.readouterr().out)["verdict"].startswith("slower: A")
 
 
+@pytest.mark.slow
 def test_usage_errors_are_one_sentence(runs: tuple[str, str, str], mistake: Callable[[str], str]) -> None:
     both = " ".join(runs[:2])
     for condition in ("time>ten%", "time<10%", "solved>", "speed", "time>10", ""):

@@ -74,6 +74,7 @@ def test_a_solver_that_caches_solutions_misbehaves_and_both_times_are_given() ->
     assert "repeated ones take 8e-06 s" in found.value.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controls", [Wrapped("compile")], indirect=True)
 def test_compiling_during_a_first_solve_is_not_misbehaviour(controls: Controls) -> None:
     assert controls.first_solves(STOP, 1e-3, lambda: 1e-2)[-1].timed.status is Status.SOLVED
@@ -177,6 +178,7 @@ def test_first_solves_are_repeated_until_explained_times_outnumber_others(
     assert controls.n_asked == n
 
 
+@pytest.mark.slow
 def test_only_slow_first_solves_and_slow_copies_are_compared_with_one_more_round() -> None:
     """One more round follows directly, because the machine may have become slower since."""
     again = iter([0.3, 0.002, 0.4])

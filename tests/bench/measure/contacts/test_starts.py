@@ -110,6 +110,7 @@ def identity(steps: list[ContactProblem], solver: str) -> dict[str, object]:
     ).identity()
 
 
+@pytest.mark.slow
 def test_a_finished_run_is_resumed_where_a_case_has_another_start(frames: object) -> None:
     store = Store.open(frames.folder)  # type: ignore[attr-defined]
     (case,) = (one for one in store.read_cases("step-2")[0] if one.start)

@@ -110,6 +110,7 @@ def test_overlaps_that_the_projection_leaves_are_counted_with_the_largest() -> N
     assert (unknown["overlapping_steps"], unknown["largest_overlap"]) == (None, None)
 
 
+@pytest.mark.slow
 def test_a_step_of_many_radii_leaves_overlaps_and_a_short_one_none() -> None:
     coarse, fine = (
         simulate(make_simulation_plan("pile", {"balls": 30}, stepper=f"Moreau(step={step})", duration=0.6))

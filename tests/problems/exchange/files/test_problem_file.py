@@ -26,6 +26,7 @@ def changes(problem: ContactProblem, read: ContactProblem) -> list[str]:
     return changed
 
 
+@pytest.mark.slow
 def test_every_number_survives_the_file(tmp_path: Path) -> None:
     changed = {}
     for name in (*HARD_CASES, "funnel-100", "woodpecker-beak-impact"):

@@ -50,6 +50,7 @@ def test_time_stepping_is_of_first_order_through_infinitely_many_impacts(
     assert errors[-1] <= error
 
 
+@pytest.mark.slow
 def test_the_ball_comes_to_rest_at_the_accumulation_point() -> None:
     """The last impacts occur within a few steps, so Moreau's rule comes to rest within twenty Δt of the closed form."""
     ball = BouncingBall()

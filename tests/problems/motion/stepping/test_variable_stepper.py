@@ -90,6 +90,7 @@ class Unforeseen(Anticipating):
         return length
 
 
+@pytest.mark.slow
 def test_switching_points_that_were_not_predicted_are_located(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(SEARCHES, "unforeseen", Unforeseen)
     found = switches(cycle(1.0001, tolerance=1e-7, min_step=1e-9, search="unforeseen"))

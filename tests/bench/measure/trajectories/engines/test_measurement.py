@@ -7,6 +7,7 @@ import sys
 import pytest
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="the system has no affinity")
 def test_a_run_stays_on_one_core() -> None:
     code = "import os; from proxbench.bench.measure.trajectories.engines.measurement import stay_on_one_core as stay; "

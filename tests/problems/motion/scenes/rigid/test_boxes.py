@@ -137,6 +137,7 @@ def test_a_stack_of_ten_equal_boxes_drifts_by_no_more_than_its_tolerance_allows(
     assert scene.drift(step.state) <= scene.n_boxes * tolerance * 9.81 * time_step * count * time_step <= 1e-6
 
 
+@pytest.mark.slow
 def test_contacts_open_where_a_stack_overlaps_by_less_than_its_tolerance_allows() -> None:
     scene = BoxStack(10, overlap=1e-9)
     rule = MidpointRule(scene.system(), create("NSGS"), Stop(1e-6, 20_000), 1e-2)

@@ -84,6 +84,7 @@ def test_boxes_stick_together_and_turn_with_the_drum_until_they_slump() -> None:
     assert (slopes[-1] - slopes[-51]) / 0.1 == pytest.approx(np.degrees(drum.speed), rel=0.1)
 
 
+@pytest.mark.slow
 def test_beverloo_gives_the_order_of_the_flow_through_a_hopper() -> None:
     hopper = Hopper(60, layers=2)
     states = states_of(hopper, 0.35)

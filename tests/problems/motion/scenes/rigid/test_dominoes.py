@@ -99,6 +99,7 @@ def test_the_wave_without_friction_between_dominoes_has_the_speed_of_the_theory(
     assert wave_speed(row, states, 7, 11) == pytest.approx(theoretical_speed(row, 7, 11), rel=0.04)
 
 
+@pytest.mark.slow
 def test_the_wave_with_friction_has_the_speed_of_the_theory_and_energy_never_grows() -> None:
     row = Dominoes(n_dominoes=12, push=12.0)
     states = fall(row, 1e-3, 0.42, 1e-5)
