@@ -39,8 +39,8 @@ _PAGE = """\
 # What each solver can solve
 
 {state}{counts}. A cell is solved if the judged residual is at most {tolerance:g}, infeasible if the solver reports \
-that there is no solution, and relaxed if it solves its own model, but not Coulomb friction. The command `{command}` \
-writes this page; which cells reach the time limit depends on the machine.
+that there is no solution, and relaxed if the answer satisfies the solver's own model, but not Coulomb friction. \
+The command `{command}` writes this page. Which cells reach the time limit depends on the machine.
 
 {summary}
 {grid}
@@ -50,7 +50,7 @@ writes this page; which cells reach the time limit depends on the machine.
 
 ## Reasons
 
-Every outcome but solved and infeasible has a reason. The numbers in a reason are those of the first cell with \
+Every outcome except solved and infeasible has a reason. The numbers in a reason are those of the first cell with \
 this reason.
 
 {reasons}"""
@@ -58,8 +58,8 @@ this reason.
 _FAMILIES = """\
 ## Solved problems by family
 
-Each column counts the problems of a family that the solver solves, of those that it supports; – if it supports none. \
-[{table}]({table}) has the result of every solver on every problem.
+Each column counts the problems of a family that the solver solves, out of those that it supports. A dash means that \
+it supports none. [{table}]({table}) contains the result of every solver on every problem.
 
 {counts}"""
 
