@@ -145,7 +145,7 @@ class _ServerClient:
         return None
 
     def load_kernels(self) -> None:
-        """Make the server load all cached kernels; wait until it has, it has ended, or ``START_SECONDS`` have passed."""
+        """Make the server load all cached kernels; wait for it for at most ``START_SECONDS``, unless it ends."""
         with contextlib.suppress(OSError):
             self._socket.send(_LOAD_KERNELS)
             if is_readable(self._socket.fileno(), START_SECONDS):

@@ -81,7 +81,7 @@ def invalid_answer_fault() -> Fault:
 
 
 class Task(Protocol):
-    """The task of a process, which answers requests. The process registers plugin files before it unpickles the task."""
+    """The task of a process, which answers requests. Plugin files are registered before the task is unpickled."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Return a JSON object and binary content."""
