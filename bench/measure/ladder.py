@@ -295,9 +295,8 @@ def _begin(cases: Sequence[LadderCase[Any]]) -> None:
         except BaseException:
             for future in futures:
                 future.cancel()
-            while wait(
-                futures, timeout=INTERRUPT_SECONDS
-            ).not_done:  # repeated, because a case that is about to start has no process to end yet
+            # repeated, because a case that is about to start has no process to end yet
+            while wait(futures, timeout=INTERRUPT_SECONDS).not_done:
                 for case in cases:
                     case.dismiss()
             raise

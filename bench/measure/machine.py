@@ -45,7 +45,7 @@ def this_machine() -> Machine:
 
 
 def busy_seconds(except_cores: Set[int]) -> float:
-    """Return the busy time of all cores but ``except_cores`` since the system started [s]; 0 if ``except_cores`` is empty."""
+    """Return the busy time of all cores but ``except_cores`` since the system started [s]; 0 if none is excepted."""
     if not except_cores:
         return 0.0
     times_of_others = [

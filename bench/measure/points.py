@@ -14,7 +14,7 @@ from ..store.records import MAX_ANSWERS, Measured, Point, Round
 
 _RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
 _OTHER_RANK = 2
-"""Ranks of outcomes from good to bad."""
+"""Ranks of outcomes from good to bad; other outcomes have ``_OTHER_RANK``."""
 
 
 def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
@@ -31,7 +31,7 @@ def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
 def joined(before: Point, now: Point) -> Point:
     """Return a point with the rounds of two passes, the worse outcome with its reason, and the worse answer.
 
-    A time limit reached only in excluded rounds is ignored if another round is not excluded.
+    If the rounds of only one pass reached the time limit under load (``is_late_under_load``), the other pass counts.
     """
     if before.measured is None or now.measured is None:
         return now if now.measured is not None else before
@@ -45,6 +45,7 @@ def joined(before: Point, now: Point) -> Point:
 
 
 def _joined(before: Measured, now: Measured) -> Measured:
+    """Return the measurements of two passes together, with the worse answer."""
     rounds = [*before.rounds, *now.rounds]
     worse = before if number_of(before.residual) >= number_of(now.residual) else now
     hashes = list(dict.fromkeys([*before.hashes, *now.hashes]))[:MAX_ANSWERS]
@@ -84,6 +85,6 @@ def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
 
 
 def quartiles(values: FloatArray) -> Quartiles:
-    """Return the minimum, quartiles and median of times [s], shape (n,)."""
+    """Return the minimum, first quartile, median and third quartile of times [s], shape (n,)."""
     low, first, median, third = map(float, np.quantile(values, (0.0, 0.25, 0.5, 0.75)))
     return Quartiles(min=low, q1=first, median=median, q3=third)

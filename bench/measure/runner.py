@@ -90,11 +90,11 @@ def resume_measuring(
             f"{folder} was judged by version {record.judge} of the judge, but this is {JUDGE}; their residuals are "
             "not comparable; begin a new run."
         )
-    differing = differences if executor is None else software_differences
-    changed = differing(record.machine, this_machine())
-    if changed and not mix:
+    find_differences = differences if executor is None else software_differences
+    changes = find_differences(record.machine, this_machine())
+    if changes and not mix:
         raise BenchError(
-            f"{folder} was started with another machine or source ({'; '.join(changed)}), whose times are not "
+            f"{folder} was started with another machine or source ({'; '.join(changes)}), whose times are not "
             f"comparable; begin a new run, or mix them with `mix=True`."
         )
     use_plugin_files(plugins)

@@ -1,7 +1,7 @@
 """Compare the clock in the process of a case with the processor time that the system counts.
 
 N solves in n rounds take P seconds on the clock; the longer of the wall and processor time of each solve counts.
-In addition, the harness creates a fresh problem for each solve, which takes about h seconds, as this process measures on
+In addition, the harness creates a fresh problem for each solve, which takes about h seconds. This process measures h on
 the same core. The process of a case may use the processor time
 
     W ≤ (1 + SHARE) P + HARNESS_FACTOR N h + n ROUND_SECONDS + ALLOWANCE_SECONDS

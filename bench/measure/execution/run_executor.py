@@ -103,12 +103,9 @@ class RunExecutor(ABC):
             return RunStarted(self._store.folder, total, self._done)
         values = sum(len(method.values) for method in plan.methods)
         points = values * len(plan.trajectories)
-        members_of_references = [
-            reference_members(trajectory) for trajectory in plan.trajectories if trajectory.reference is not None
-        ]
-        simulations = sum(map(len, members_of_references)) + values * sum(
-            len(trajectory.members) for trajectory in plan.trajectories
-        )
+        simulated = [trajectory for trajectory in plan.trajectories if trajectory.reference is not None]
+        simulations = sum(len(reference_members(trajectory)) for trajectory in simulated)
+        simulations += values * sum(len(trajectory.members) for trajectory in plan.trajectories)
         measured = sum(len(case.points) for cases in self._cases.values() for case in cases.values())
         work = f"{counted(points, 'point')}, {counted(simulations, 'simulation')}"
         return RunStarted(self._store.folder, total, self._done, points, measured, work)
@@ -118,9 +115,8 @@ class RunExecutor(ABC):
         record, plan = self._record, self._record.plan
         for index, trajectory in enumerate(plan.trajectories):
             for updated in simulate_references(trajectory, plan.limits):
-                plan = replace(
-                    plan, trajectories=[*plan.trajectories[:index], updated, *plan.trajectories[index + 1 :]]
-                )
+                trajectories = [*plan.trajectories[:index], updated, *plan.trajectories[index + 1 :]]
+                plan = replace(plan, trajectories=trajectories)
                 self._write_run(replace(record, plan=plan))
             self._on_event(ReferenceSimulated(plan.trajectories[index]))
         names = [] if plan.trajectories else plan.problems
