@@ -101,7 +101,7 @@ class TimedRound(Struct, frozen=True):
             raise invalid_answer_fault()
         counted = float(timed.walls.sum())
         if not counted <= wall_seconds:
-            reason = f"the reason in its process counted {counted:g} s of solving in {wall_seconds:g} s of wall time"
+            reason = f"the clock in its process counted {counted:g} s of solving in {wall_seconds:g} s of wall time"
             raise Fault(Outcome.MISBEHAVED, reason)
         return timed
 

@@ -54,6 +54,7 @@ class Limits(Struct, frozen=True):
 
 
 def _require_number(name: str, value: object) -> None:
+    """Raise ``BenchError`` if a setting is not a real number."""
     if not isinstance(value, Real):
         raise BenchError(f"`{name}` must be a number, got {value!r:.60}.")
 
@@ -125,7 +126,7 @@ class MethodRecord(Record, frozen=True, kw_only=True):
     Attributes:
         name: name of the combination.
         values: the ladder: step sizes [s] or tolerances.
-        tolerance: tolerance of the solver if ``values`` are those of the stepper.
+        tolerance: tolerance of the solver, unless ``values`` are its tolerances.
         max_iterations: limit of iterations of one solve.
         start: initial impulses of each solve, by name.
     """
@@ -151,8 +152,8 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
     Attributes:
         name: the scene with its options.
         duration: simulated time [s].
-        members: seeds of the scene if aggregates are compared, else factors of steps or tolerances.
-        error: kind of the error.
+        members: seeds of the scene if aggregates are compared, else factors on steps or tolerances.
+        error: kind of the error that is measured.
         reference: method that simulates the reference, with one value; None if the end of the motion is known.
         known: the simulated part of the reference, or the known end.
         scale: scale by which differences from the known end are divided.
