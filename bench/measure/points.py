@@ -49,7 +49,7 @@ def _joined(before: Measured, now: Measured) -> Measured:
     rounds = [*before.rounds, *now.rounds]
     worse = before if number_of(before.residual) >= number_of(now.residual) else now
     hashes = list(dict.fromkeys([*before.hashes, *now.hashes]))[:MAX_ANSWERS]
-    errors = [one.impulse_error for one in (before, now) if one.impulse_error is not None]
+    errors = [measured.impulse_error for measured in (before, now) if measured.impulse_error is not None]
     return replace(
         worse,
         iterations=before.iterations,
@@ -70,17 +70,17 @@ def _joined(before: Measured, now: Measured) -> Measured:
 
 def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
     """Return the fields of a point that follow from its rounds; times use excluded rounds only if all are excluded."""
-    kept = [one for one in rounds if not one.excluded] or rounds
+    kept = [timed for timed in rounds if not timed.excluded] or rounds
     columns = {
-        "prepare_seconds": [one.prepare_seconds for one in kept],
-        "solve_seconds": [one.solve_seconds for one in kept],
-        "total_seconds": [one.total_seconds.median for one in kept],
-        "processor_seconds": [one.processor_seconds / one.repeats for one in kept],
+        "prepare_seconds": [timed.prepare_seconds for timed in kept],
+        "solve_seconds": [timed.solve_seconds for timed in kept],
+        "total_seconds": [timed.total_seconds.median for timed in kept],
+        "processor_seconds": [timed.processor_seconds / timed.repeats for timed in kept],
     }
     return {
         **{name: quartiles(np.array(values)) for name, values in columns.items()},
-        "repeats": sum(one.repeats for one in rounds),
-        "is_excluded": all(one.excluded for one in rounds),
+        "repeats": sum(timed.repeats for timed in rounds),
+        "is_excluded": all(timed.excluded for timed in rounds),
     }
 
 

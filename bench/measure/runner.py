@@ -42,7 +42,7 @@ def measure(
     """
     store = Store.create(folder)
     names = [trajectory.name for trajectory in plan.record.trajectories]
-    solvers = [one.solver if isinstance(one, Method) else one for one in plan.solvers]
+    solvers = [subject.solver if isinstance(subject, Method) else subject for subject in plan.solvers]
     scenes = [parse_scene(name)[0] for name in names]
     with store.locked():
         store.require_new()

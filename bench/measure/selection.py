@@ -131,22 +131,23 @@ class _Candidate:
 
 def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], list[str]]:
     """Return all given problems, the reasons for skipped files, and the names of the folders."""
-    for one in given:
-        _require_problem(one)
+    for item in given:
+        _require_problem(item)
     known = set(problem_names())
-    check_known(one for one in given if isinstance(one, str) and not is_path(one) and not _is_folder(one, known))
+    names = [item for item in given if isinstance(item, str) and not is_path(item)]
+    check_known(name for name in names if not _is_folder(name, known))
     sources = {offer.name: offer.source for offer in plugin_problems()}
     candidates, left_out, folders = [], list[str](), list[str]()
-    for one in given:
-        if _is_folder(one, known):
-            folder = list_folder(str(one))
+    for item in given:
+        if _is_folder(item, known):
+            folder = list_folder(str(item))
             folders.append(folder.name)
             left_out += [reason for _, reason in folder.broken]
             candidates += [_Candidate(member.name, member.family, member) for member in folder.members]
-        elif isinstance(one, str) and not is_path(one) and one not in sources:
-            candidates.append(_Candidate(one, family_of(one), one))
+        elif isinstance(item, str) and not is_path(item) and item not in sources:
+            candidates.append(_Candidate(item, family_of(item), item))
         else:
-            problem = resolve_problem(one)
+            problem = resolve_problem(item)
             check_numbers(problem)
             family = sources.get(problem.name) or family_of(problem)
             candidates.append(_Candidate(problem.name, family, problem))

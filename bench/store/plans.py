@@ -174,7 +174,7 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
     displacement: Number | None = msgspec.field(default=None, name="way")
 
     def __post_init__(self) -> None:
-        if len({tuple(sorted(one.values)) for one in self.known if not one.failure}) > 1:
+        if len({tuple(sorted(member.values)) for member in self.known if not member.failure}) > 1:
             raise ValueError("the members of its reference have values of different names")
 
 
@@ -205,7 +205,7 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
     shard: Annotated[str, Meta(pattern="^([1-9][0-9]{0,4}/[1-9][0-9]{0,4})?$")] = ""
 
     def __post_init__(self) -> None:
-        names = [one.name for one in self.trajectories], [method.name for method in self.methods]
+        names = [trajectory.name for trajectory in self.trajectories], [method.name for method in self.methods]
         if any(names) and names != (self.problems, self.solvers):
             raise ValueError("its names differ from those of its trajectories and methods")
 

@@ -250,12 +250,12 @@ class Point(Record, frozen=True, kw_only=True):
     @property
     def n_passes(self) -> int:
         """Number of passes in which the point was measured."""
-        return len({(one.session, one.number) for one in self.rounds})
+        return len({(timed.session, timed.number) for timed in self.rounds})
 
     @property
     def last_pass(self) -> int:
         """Number of the last pass in which the point was measured; -1 if there is none."""
-        return max((one.number for one in self.rounds), default=-1)
+        return max((timed.number for timed in self.rounds), default=-1)
 
     @property
     def is_late_under_load(self) -> bool:

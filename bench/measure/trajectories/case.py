@@ -102,23 +102,23 @@ class TrajectoryCase(LadderCase[Member]):
     def point(self, value: float, answers: list[Member]) -> Point:
         """Return a point with the errors over all complete members."""
         runs = dict(zip(self.problem.members, answers, strict=False))
-        complete = {member: one.run for member, one in runs.items() if one.run.status is Status.SOLVED}
-        failed = [one.run for one in answers if one.run.status is not Status.SOLVED]
+        complete = {member: answer.run for member, answer in runs.items() if answer.run.status is Status.SOLVED}
+        failed = [answer.run for answer in answers if answer.run.status is not Status.SOLVED]
         errors = self.problem.measure.estimates({member: run.values for member, run in complete.items()})
-        counted = [one for member, one in runs.items() if not errors or member in complete]
-        times = times_from_rounds([one.record for one in counted])
-        worst = max((one.error for one in errors.values()), default=math.inf)
+        counted = [answer for member, answer in runs.items() if not errors or member in complete]
+        times = times_from_rounds([answer.record for answer in counted])
+        worst = max((estimate.error for estimate in errors.values()), default=math.inf)
         measured = Measured(
-            iterations=round(median(one.run.iterations for one in counted)),
+            iterations=round(median(answer.run.iterations for answer in counted)),
             residual=worst,
             model_residual=worst,
             **{**times, "repeats": len(complete)},
-            rounds=[one.record for one in answers],
+            rounds=[answer.record for answer in answers],
             verdict={},
             impulse_error=None,
             errors=[
-                QuantityError(quantity=name, error=one.error, low=one.low, high=one.high)
-                for name, one in errors.items()
+                QuantityError(quantity=name, error=estimate.error, low=estimate.low, high=estimate.high)
+                for name, estimate in errors.items()
             ],
             unsolved_steps=sum(run.unsolved for run in complete.values()),
             overlapping_steps=sum(run.overlapping for run in complete.values()),

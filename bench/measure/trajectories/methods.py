@@ -59,15 +59,15 @@ class Method:
 
     def setting(self, value: float) -> tuple[Stepper, float]:
         """Return the stepper and the tolerance of the solver at a value of the ladder."""
-        made = make_stepper(self.stepper)
-        stepper: Any = made
+        stepper = make_stepper(self.stepper)
+        untyped: Any = stepper  # not every stepper has a tolerance
         if self.record.name == solver_method_name(self.solver, self.stepper):
-            return made, value
-        if isinstance(made, Moreau):
-            return replace(made, step=value), self.record.tolerance
-        has_resolution = isinstance(made, VariableStepper) and "min_step" not in self.stepper
-        finest = {"min_step": value / RESOLUTION} if has_resolution else {}
-        return replace(stepper, tolerance=value, **finest), self.record.tolerance
+            return stepper, value
+        if isinstance(stepper, Moreau):
+            return replace(stepper, step=value), self.record.tolerance
+        has_resolution = isinstance(stepper, VariableStepper) and "min_step" not in self.stepper
+        min_step = {"min_step": value / RESOLUTION} if has_resolution else {}
+        return replace(untyped, tolerance=value, **min_step), self.record.tolerance
 
 
 def solver_method_name(solver: SolverSpec, stepper: str) -> str:
@@ -130,7 +130,7 @@ def scaled_stepper(stepper: Stepper, factor: float, duration: float) -> Stepper:
 
     The number of steps is rounded, so that the last one ends exactly at ``duration``.
     """
-    made: Any = stepper
+    untyped: Any = stepper  # not every stepper has a step or a tolerance
     if isinstance(stepper, Moreau):
-        return replace(made, step=duration / max(1, round(duration / made.step * factor)))  # type: ignore[no-any-return]
-    return replace(made, tolerance=made.tolerance * factor)  # type: ignore[no-any-return]
+        return replace(untyped, step=duration / max(1, round(duration / untyped.step * factor)))  # type: ignore[no-any-return]
+    return replace(untyped, tolerance=untyped.tolerance * factor)  # type: ignore[no-any-return]

@@ -25,7 +25,7 @@ def trajectory_of(record: TrajectoryRecord) -> TrajectoryProblem:
     Raises:
         BenchError: if the scene no longer has a limit cycle.
     """
-    known = {one.member: one.values for one in record.known if not one.failure}
+    known = {reference.member: reference.values for reference in record.known if not reference.failure}
     members = tuple(record.members)
     if record.error == "limit cycle":
         scene = make_scene(record.name)
@@ -50,7 +50,7 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
     Raises:
         BenchError: if the reference cannot be simulated.
     """
-    known = {one.member for one in record.known}
+    known = {reference.member for reference in record.known}
     missing = [member for member in reference_members(record) if member not in known]
     if missing:
         method = _reference(record)
@@ -63,9 +63,9 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
                     yield record
         except Fault as fault:
             raise BenchError(f"the reference of {record.name} cannot be simulated: {fault.reason}.") from None
-    n_complete = sum(not one.failure for one in record.known)
+    n_complete = sum(not reference.failure for reference in record.known)
     if record.error != "limit cycle" and n_complete < (MIN_SEEDS if record.error == "aggregates" else 1):
-        reason = next(one.failure for one in record.known if one.failure)
+        reason = next(reference.failure for reference in record.known if reference.failure)
         raise BenchError(f"the reference of {record.name} is incomplete: {reason}; choose a shorter duration.")
 
 

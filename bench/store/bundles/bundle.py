@@ -93,7 +93,7 @@ def open_run(path: Path) -> Store | Bundle:
 
 
 def output_folder(path: Path) -> Path:
-    """Return the folder for the tables, charts and page of a run: its folder, or that of a bundle, named without suffix."""
+    """Return the folder for the tables, charts and page of a run: the run, or the bundle path without suffix."""
     return path.with_suffix("") if is_bundle(path) else path
 
 

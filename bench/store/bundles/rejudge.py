@@ -169,21 +169,21 @@ def _judge_point(measured: Measured, problem: ContactProblem, model: Model, resu
         perturbed = [verdicts(problem, changed, model) for changed in _perturbed(impulses)]
         for name, stated, law in (("residual", kept.residual, 1), ("model_residual", kept.model_residual, 0)):
             number = recomputed[law].residual
-            change = max(abs(number - one[law].residual) for one in perturbed)
+            change = max(abs(number - verdict_pair[law].residual) for verdict_pair in perturbed)
             _compare(name, number_of(stated), number, change)
             result.n_residuals += 1
             result.n_identical += number_of(stated) == number
         if index == 0:
-            _compare_verdict(measured, recomputed[1], [one[1] for one in perturbed])
+            _compare_verdict(measured, recomputed[1], [coulomb for _, coulomb in perturbed])
             _compare_answer(measured, problem, impulses)
     for name in ("residual", "model_residual"):
-        if number_of(getattr(measured, name)) != max(number_of(getattr(one, name)) for one in measured.impulses):
+        if number_of(getattr(measured, name)) != max(number_of(getattr(kept, name)) for kept in measured.impulses):
             raise _Disagreement(f"its {name.replace('_', ' ')} is not that of its impulses")
 
 
 def _compare_verdict(measured: Measured, recomputed: Verdict, perturbed: Sequence[Verdict]) -> None:
     """Raise ``_Disagreement`` if a number of the stored verdict differs from the recomputed one."""
-    numbers, perturbed_numbers = recomputed.numbers(), [one.numbers() for one in perturbed]
+    numbers, perturbed_numbers = recomputed.numbers(), [verdict.numbers() for verdict in perturbed]
     if set(measured.verdict) != set(numbers):
         raise _Disagreement("its verdict does not have the entries of that of the judge")
     for name, number in numbers.items():
@@ -192,7 +192,9 @@ def _compare_verdict(measured: Measured, recomputed: Verdict, perturbed: Sequenc
             if stated is not number:
                 raise _Disagreement(f"{_claim_text(name)} {stated}, but the judge finds {number}")
         else:
-            changes = [abs(number - number_of(one[name])) for one in perturbed_numbers if one[name] is not None]
+            changes = [
+                abs(number - number_of(values[name])) for values in perturbed_numbers if values[name] is not None
+            ]
             change = max(changes, default=0.0)
             _compare(name, number_of(stated), number_of(number), change)
 

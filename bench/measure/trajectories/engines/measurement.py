@@ -44,7 +44,7 @@ class Measurement(msgspec.Struct, frozen=True, kw_only=True):
         own_residual: largest residual of the judged steps under the engine's own model, None if it publishes none.
         residual: largest judged residual of the judged steps under Coulomb's law, None if impulses are unknown.
         solved_residual: largest residual of Proxbench's solver ``Robust`` on the same problems; None for many bodies.
-        failure: why there is no measurement, empty if there is one.
+        failure: why the run has no measurement; empty if it has one.
     """
 
     scene: str
@@ -113,8 +113,8 @@ def measure_setting(scene: str, engine: str, setting: str) -> Measurement:
         wall_seconds=wall / description.duration,
         processor_seconds=processor / description.duration,
         errors=dict(zip(description.errors, map(float, errors), strict=bool(errors))),
-        own_residual=max((one.own_residual for one in solved if one.own_residual is not None), default=None),
-        residual=max((judge(one.problem, one.impulses).residual for one in solved), default=None),
+        own_residual=max((step.own_residual for step in solved if step.own_residual is not None), default=None),
+        residual=max((judge(step.problem, step.impulses).residual for step in solved), default=None),
         solved_residual=max(map(_residual_of_robust, solved_again), default=None),
         failure="" if errors else "the motion is not finite",
     )

@@ -33,8 +33,8 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         measurements: one per scene, engine and setting, with the shortest times of all rounds.
         versions: version of each engine, by its name.
         rounds: number of runs of each setting; in an interrupted comparison, the number of complete rounds, at least 1.
-        load: load average over one minute, before and after the runs. A resumed comparison stores the largest of
-            all earlier values as the first one.
+        load: load average over one minute, before and after the runs. The first value of a resumed comparison is
+            the largest value before its runs, including those of the earlier comparison.
         machine: the machine, as in the record of a run.
         is_interrupted: whether Ctrl-C ended the comparison before its last run.
     """
