@@ -31,7 +31,8 @@ def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
 def joined(before: Point, now: Point) -> Point:
     """Return a point with the rounds of two passes, the worse outcome with its reason, and the worse answer.
 
-    If the rounds of only one pass reached the time limit under load (``is_late_under_load``), the other pass counts.
+    If the rounds of only one pass reached the time limit under load (``is_late_under_load``), the other one determines
+    outcome and answer, and the times are those of both.
     """
     if before.measured is None or now.measured is None:
         return now if now.measured is not None else before

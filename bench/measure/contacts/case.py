@@ -51,7 +51,7 @@ MAX_EXCLUDED_SECONDS = 0.2
 """Wall time of the excluded rounds of a point in a pass after which no other round follows [s]."""
 
 MAX_RESTS = 20
-"""Largest number of pauses in which processes of a solver may end; if one still runs then, the solver misbehaved."""
+"""Largest number of pauses in which processes of a solver may end; a solver misbehaved if one runs afterwards."""
 
 
 @dataclass(frozen=True)
