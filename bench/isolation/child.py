@@ -55,10 +55,10 @@ class Assignment:
 
     Attributes:
         task: the pickled task.
-        module: module that defines its class.
-        plugin_files: plugin files that it may refer to, with the names that they provide.
+        module: module that defines the class of the task.
+        plugin_files: plugin files that the task may refer to, with the names that they provide.
         memory_bytes: memory limit, in addition to the memory that the framework needs [bytes].
-        folder: folder of its temporary files, created and removed by the supervisor.
+        folder: folder of the temporary files of the case, created and removed by the supervisor.
         setting: working folder and import path, in the form that multiprocessing uses.
         solvers: names of built-in solvers whose kernels the fork server loads first.
     """
@@ -89,7 +89,7 @@ def run_case(pipe: int, output: int, assignment: Assignment, supervisor: int) ->
             os.dup2(output, stream)
         faulthandler.enable(2)  # the stack of a process killed by a signal is kept with its output
         os.environ["TMPDIR"] = tempfile.tempdir = str(assignment.folder)
-        _limit(assignment.memory_bytes)
+        _limit_resources(assignment.memory_bytes)
         _answer_requests(pipe, assignment)
         code = 0
     except BaseException:
@@ -100,7 +100,8 @@ def run_case(pipe: int, output: int, assignment: Assignment, supervisor: int) ->
 
 
 def _answer_requests(pipe: int, assignment: Assignment) -> None:
-    own, is_copy, task = os.getpid(), False, None
+    """Answer requests until the pipe is closed; a copy of the process answers only one."""
+    own_id, is_copy, task = os.getpid(), False, None
     while True:
         try:
             request, arguments = pickle.loads(read_message(pipe))
@@ -110,55 +111,58 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
             if not _fork_copy(pipe):
                 continue
             request, arguments = arguments
-            own, is_copy = os.getpid(), True
-        numbers = b""
+            own_id, is_copy = os.getpid(), True
+        content = b""
         try:
             if task is None:
                 spawn.prepare(assignment.setting)
                 for file, names in assignment.plugin_files:
                     register(file, names)
                 task = pickle.loads(assignment.task)
-            answer, numbers = task.answer(request, arguments)
+            answer, content = task.answer(request, arguments)
         except (MisbehaviourError, BrokenInterfaceError) as error:
-            answer = _fault(Outcome.MISBEHAVED, str(error).removesuffix("."))
+            answer = _fault_answer(Outcome.MISBEHAVED, str(error).removesuffix("."))
         except BaseException as error:
             reason, limit = f"it raised {_one_line(error)}", f"{assignment.memory_bytes / 2**20:.0f} MiB of memory"
             if isinstance(error, InsufficientMemoryError):
-                answer = _fault(Outcome.OUT_OF_MEMORY, error_text(error))
+                answer = _fault_answer(Outcome.OUT_OF_MEMORY, error_text(error))
             elif _is_caused_by_memory(error):
-                answer = _fault(Outcome.OUT_OF_MEMORY, f"{reason} when it requested more than {limit}")
+                answer = _fault_answer(Outcome.OUT_OF_MEMORY, f"{reason} when it requested more than {limit}")
             else:
-                answer = _fault(Outcome.CRASHED, f"{reason}{raised_at(error)}")
-        if os.getpid() != own:
+                answer = _fault_answer(Outcome.CRASHED, f"{reason}{raised_at(error)}")
+        if os.getpid() != own_id:
             return  # a process that the solver forked: only its parent answers
         _flush()
-        _answer(pipe, answer, numbers)
+        _send_answer(pipe, answer, content)
         if is_copy:
             return
 
 
-def _answer(pipe: int, answer: dict[str, Any], numbers: bytes = b"") -> None:
-    usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-    write_message(pipe, json.dumps({**answer, "peak_memory_bytes": usage}).encode())
-    write_message(pipe, numbers)
+def _send_answer(pipe: int, answer: dict[str, Any], content: bytes = b"") -> None:
+    """Send an answer with the peak memory of this process, then its binary content."""
+    peak_memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    write_message(pipe, json.dumps({**answer, "peak_memory_bytes": peak_memory}).encode())
+    write_message(pipe, content)
 
 
 def _fork_copy(pipe: int) -> bool:
-    """Fork and return whether this is the copy; the original waits for the copy, and reports its failure."""
-    printed = output_size(2)
-    own, copy = os.getpid(), os.fork()
+    """Fork, and return whether this process is the copy. The original waits for the copy, and reports its failure."""
+    output_before = output_size(2)
+    original, copy = os.getpid(), os.fork()
     if copy == 0:
-        end_with_parent(own)
+        end_with_parent(original)
         return True
     _, status = os.waitpid(copy, 0)
     if status:
-        reason = exit_reason(status, 2, printed)
-        _answer(pipe, {"fault": Outcome.CRASHED.value, "reason": reason, "traceback": ""})
+        reason = exit_reason(status, 2, output_before)
+        _send_answer(pipe, {"fault": Outcome.CRASHED.value, "reason": reason, "traceback": ""})
     return False
 
 
 def exit_reason(status: int, output: int, start: int) -> str:
-    """Return how a process ended, with the last line of its output if it exited (a signal leaves a stack there).
+    """Return how a process ended; if it exited, with the last line of its output.
+
+    After a signal, the output ends with a stack instead.
 
     Args:
         status: its wait status.
@@ -171,12 +175,12 @@ def exit_reason(status: int, output: int, start: int) -> str:
 
 def _is_caused_by_memory(error: BaseException) -> bool:
     """Return whether an exception was raised because of, or while handling, a MemoryError."""
-    earlier: BaseException | None = error
+    cause: BaseException | None = error
     for _ in range(MAX_CAUSES):
-        if earlier is None or isinstance(earlier, MemoryError):
+        if cause is None or isinstance(cause, MemoryError):
             break
-        earlier = earlier.__cause__ or (None if earlier.__suppress_context__ else earlier.__context__)
-    return isinstance(earlier, MemoryError)
+        cause = cause.__cause__ or (None if cause.__suppress_context__ else cause.__context__)
+    return isinstance(cause, MemoryError)
 
 
 def _one_line(error: BaseException) -> str:
@@ -193,7 +197,8 @@ def _flush() -> None:
             stream.flush()
 
 
-def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
+def _fault_answer(outcome: Outcome, reason: str) -> dict[str, Any]:
+    """Return the answer that reports a fault, with the traceback of the current exception."""
     try:
         trace = traceback.format_exc()[-MAX_TRACEBACK_LENGTH:]
     except BaseException:
@@ -201,10 +206,10 @@ def _fault(outcome: Outcome, reason: str) -> dict[str, Any]:
     return {"fault": outcome.value, "reason": reason, "traceback": trace}
 
 
-def _limit(memory_bytes: int) -> None:
+def _limit_resources(memory_bytes: int) -> None:
     """Limit the size of files, and the address space to its current size plus ``memory_bytes``."""
-    _, allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
-    largest = MAX_FILE_BYTES if allowed == resource.RLIM_INFINITY else min(MAX_FILE_BYTES, allowed)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+    _, hard_limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    max_file_bytes = MAX_FILE_BYTES if hard_limit == resource.RLIM_INFINITY else min(MAX_FILE_BYTES, hard_limit)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (max_file_bytes, max_file_bytes))
     limit = psutil.Process().memory_info().vms + memory_bytes
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

@@ -110,20 +110,25 @@ class _ServerClient:
 
     def __init__(self) -> None:
         self.owner = os.getpid()
-        self._socket, theirs = socket.socketpair()
-        serving = f"serve({theirs.fileno()}, announces={not COMPILATION.is_silent})"
-        code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; {serving}"
-        with theirs:
+        self._socket, server_socket = socket.socketpair()
+        call = f"serve({server_socket.fileno()}, announces={not COMPILATION.is_silent})"
+        code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; {call}"
+        with server_socket:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", code],
                 stdin=subprocess.DEVNULL,
                 env={**os.environ, **ONE_THREAD, **KEPT_MEMORY},
-                pass_fds=[theirs.fileno()],
+                pass_fds=[server_socket.fileno()],
                 start_new_session=True,
             )
 
     def fork(self, content: bytes, output: int) -> SupervisorLink | None:
-        """Fork a supervisor; return None if the server has ended or does not answer."""
+        """Fork a supervisor; return None if the server has ended or does not answer.
+
+        Args:
+            content: the pickled assignment of the case.
+            output: file descriptor for the output of the case.
+        """
         pipe, case_pipe = socket.socketpair()
         orders, supervisor_orders = socket.socketpair()
         report = b""
@@ -140,7 +145,7 @@ class _ServerClient:
         return None
 
     def load_kernels(self) -> None:
-        """Make the server load all cached kernels; wait until it has done so or has ended."""
+        """Make the server load all cached kernels; wait for it for at most ``START_SECONDS``, unless it ends."""
         with contextlib.suppress(OSError):
             self._socket.send(_LOAD_KERNELS)
             if is_readable(self._socket.fileno(), START_SECONDS):
@@ -159,6 +164,7 @@ class _ServerClient:
 _server: _ServerClient | None = None
 
 _lock = threading.Lock()
+"""Lock for the server and its socket."""
 
 
 def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
@@ -166,7 +172,7 @@ def fork_supervisor(assignment: Assignment, output: int) -> SupervisorLink:
 
     Args:
         assignment: the assignment of the case.
-        output: the open file for the output of the case.
+        output: file descriptor for the output of the case.
 
     Raises:
         OSError: if no process can be started.
@@ -194,6 +200,7 @@ def load_kernels() -> None:
 
 @atexit.register
 def _end() -> None:
+    """End the server when this process exits."""
     if _server is not None:
         _server.end()
 

@@ -13,8 +13,10 @@ import time
 from typing import Any
 
 _HEADER = struct.Struct("!Q")
+"""Format of the header of a message, which is the size of its content [bytes]."""
 
-_CHUNK = 2**20
+_MAX_CHUNK_BYTES = 2**20
+"""Largest number of bytes that are read at a time."""
 
 
 class NoMessageError(Exception):
@@ -59,12 +61,12 @@ def read_object(descriptor: int, max_bytes: int, deadline: float, exit_descripto
     """Read one message that is a JSON object; arguments and errors as in ``read_message``."""
     content = read_message(descriptor, max_bytes, deadline, exit_descriptor)
     try:
-        found = json.loads(content)
+        decoded = json.loads(content)
     except (ValueError, RecursionError):
         raise NoMessageError("a message that is not JSON") from None
-    if not isinstance(found, dict):
+    if not isinstance(decoded, dict):
         raise NoMessageError("a message that is not a JSON object")
-    return found
+    return decoded
 
 
 def is_readable(descriptor: int, seconds: float) -> bool:
@@ -73,6 +75,7 @@ def is_readable(descriptor: int, seconds: float) -> bool:
 
 
 def _readable(descriptors: list[int], seconds: float) -> list[int]:
+    """Wait up to ``seconds``, and return the descriptors that are readable or closed by the writer."""
     poll = select.poll()
     for descriptor in descriptors:
         poll.register(descriptor, select.POLLIN)
@@ -81,6 +84,7 @@ def _readable(descriptors: list[int], seconds: float) -> list[int]:
 
 
 def _read(descriptor: int, length: int, deadline: float, exit_descriptor: int | None) -> bytes:
+    """Read ``length`` bytes; arguments and errors as in ``read_message``."""
     watched = [descriptor] if exit_descriptor is None else [descriptor, exit_descriptor]
     content = bytearray()
     while len(content) < length:
@@ -89,7 +93,7 @@ def _read(descriptor: int, length: int, deadline: float, exit_descriptor: int | 
             raise TimeoutError
         if descriptor not in ready:
             raise EOFError
-        chunk = os.read(descriptor, min(length - len(content), _CHUNK))
+        chunk = os.read(descriptor, min(length - len(content), _MAX_CHUNK_BYTES))
         if not chunk:
             raise EOFError
         content += chunk

@@ -1,7 +1,7 @@
 """The global state of a process, and its changes.
 
-A plugin shares its process with the framework. If it replaced a function of the framework, of the clock or of numpy, or
-changed a setting of the interpreter, times and residuals could be silently wrong.
+A plugin shares its process with the framework. If it replaces a function of the framework, of ``time`` or of NumPy,
+or changes a setting of the interpreter, times and residuals can be silently wrong.
 """
 
 import _thread
@@ -23,7 +23,7 @@ import numpy as np
 
 _FRAMEWORK = f"{__name__.partition('.')[0]}."
 
-_RELIED_ON = ("builtins", "time", "os", "math", "json", "pickle", "numpy", "numpy.linalg")
+_REQUIRED_MODULES = ("builtins", "time", "os", "math", "json", "pickle", "numpy", "numpy.linalg")
 """Modules that the framework relies on."""
 
 _CLASS_CACHES = {
@@ -60,65 +60,78 @@ class ProcessState:
 
     @staticmethod
     def now() -> "ProcessState":
-        """Return the present state."""
+        """Return the current state of this process."""
         return ProcessState(
             frozenset(sys.modules),
-            {name: _names_of(name) for name in sys.modules if name in _RELIED_ON or f"{name}.".startswith(_FRAMEWORK)},
-            {name: _read(read) for name, read in _STATE.items()},
+            {
+                name: _objects_by_name(name)
+                for name in sys.modules
+                if name in _REQUIRED_MODULES or f"{name}.".startswith(_FRAMEWORK)
+            },
+            {name: _read_setting(read) for name, read in _SETTINGS.items()},
             _thread._count(),
         )
 
     def after_imports(self) -> Self:
-        """Return this state; if modules were imported since, with present values of settings that libraries change."""
+        """Return this state. If modules were imported since, update the settings that libraries change on import."""
         if self.modules.issuperset(sys.modules):
             return self
-        return replace(self, settings=self.settings | {name: _read(_STATE[name]) for name in _OF_LIBRARIES})
+        return replace(
+            self, settings=self.settings | {name: _read_setting(_SETTINGS[name]) for name in _IMPORT_SETTINGS}
+        )
 
     def replaced_names(self) -> list[str]:
-        """Return the replaced names, and those added to modules and classes of the framework."""
-        found: list[str] = []
+        """Return the names that were replaced or removed, and those added to modules and classes of the framework."""
+        replaced: list[str] = []
         for module, before in self.names.items():
-            now = _names_of(module)
-            known = before if module in _RELIED_ON else before | now
-            found += [f"{module}.{name}" for name in known if now.get(name, _NOTHING) is not before.get(name, _NOTHING)]
-        return found
+            now = _objects_by_name(module)
+            names = before if module in _REQUIRED_MODULES else before | now
+            replaced += [
+                f"{module}.{name}" for name in names if now.get(name, _NOTHING) is not before.get(name, _NOTHING)
+            ]
+        return replaced
 
     def changed_settings(self) -> list[str]:
         """Return the descriptions of changed settings."""
-        return self._changed(_STATE)
+        return self._changed(_SETTINGS)
 
     def changed_timing_settings(self) -> list[str]:
         """Return the descriptions of changed settings that affect timing."""
-        return self._changed(_FOR_TIMING)
+        return self._changed(_TIMING_SETTINGS)
 
     def _changed(self, names: Iterable[str]) -> list[str]:
-        return [name for name in names if _read(_STATE[name]) != self.settings[name]]
+        return [name for name in names if _read_setting(_SETTINGS[name]) != self.settings[name]]
 
 
 _NOTHING = object()
+"""Stands for the object of a name that does not exist."""
 
 
-def _names_of(module_name: str) -> dict[str, object]:
-    """Return the objects of a module by name; for the framework, also members of classes and code of functions."""
-    module, found = sys.modules.get(module_name), dict[str, object]()
+def _objects_by_name(module_name: str) -> dict[str, object]:
+    """Return the objects of a module by name; none if it is not loaded.
+
+    For a module of the framework, these include members of classes and code of functions. For one of
+    ``_REQUIRED_MODULES``, they are its callable objects only.
+    """
+    module, objects = sys.modules.get(module_name), dict[str, object]()
     for key, value in list(vars(module).items()) if module else ():
-        if module_name in _RELIED_ON:
+        if module_name in _REQUIRED_MODULES:
             if callable(value):
-                found[key] = value
+                objects[key] = value
             continue
         if key.startswith("__") or isinstance(value, ModuleType):
             continue
-        found[key] = value
+        objects[key] = value
         if getattr(value, "__module__", None) != module_name:
             continue
         if isinstance(value, type):
-            found |= {f"{key}.{member}": part for member, part in vars(value).items() if member not in _CLASS_CACHES}
+            objects |= {f"{key}.{name}": member for name, member in vars(value).items() if name not in _CLASS_CACHES}
         elif isinstance(value, FunctionType):
-            found[f"{key}.__code__"] = value.__code__
-    return found
+            objects[f"{key}.__code__"] = value.__code__
+    return objects
 
 
-def _read(read: Callable[[], Any]) -> Any:
+def _read_setting(read: Callable[[], Any]) -> Any:
     """Return the value of a setting, or the error as text if it cannot be read."""
     try:
         return read()
@@ -144,6 +157,7 @@ def _scheduling() -> tuple[int, int | None]:
 
 
 def _streams() -> list[tuple[int, bool]]:
+    """Return the identity of each standard stream, and whether it is closed."""
     return [(id(stream), getattr(stream, "closed", True)) for stream in (sys.stdin, sys.stdout, sys.stderr)]
 
 
@@ -160,13 +174,13 @@ def replacement_text(before: ProcessState) -> str:
     return f"it replaced {replaced[0]}{more}; do not modify other modules" if replaced else ""
 
 
-_OF_LIBRARIES: dict[str, Callable[[], Any]] = {
+_IMPORT_SETTINGS: dict[str, Callable[[], Any]] = {
     "the warning filters": lambda: list(warnings.filters),
-    "callbacks of the garbage collector": lambda: [id(one) for one in gc.callbacks],
+    "callbacks of the garbage collector": lambda: [id(callback) for callback in gc.callbacks],
 }
 """Settings that libraries change when they are imported."""
 
-_FOR_TIMING: dict[str, Callable[[], Any]] = _OF_LIBRARIES | {
+_TIMING_SETTINGS: dict[str, Callable[[], Any]] = _IMPORT_SETTINGS | {
     "numpy's error state": np.geterr,
     "numpy's buffer size": np.getbufsize,
     "the locale": lambda: locale.setlocale(locale.LC_ALL),
@@ -184,7 +198,7 @@ _FOR_TIMING: dict[str, Callable[[], Any]] = _OF_LIBRARIES | {
 }
 """Settings that a measurement depends on."""
 
-_STATE: dict[str, Callable[[], Any]] = _FOR_TIMING | {
+_SETTINGS: dict[str, Callable[[], Any]] = _TIMING_SETTINGS | {
     "the working folder": os.getcwd,
     "the environment": lambda: dict(os.environ),
     "numpy's global random state": _numpy_random,

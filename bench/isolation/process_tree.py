@@ -12,13 +12,14 @@ from pathlib import Path
 import psutil
 
 _MAX_PASSES = 100
-"""Largest number of passes that stop all processes before they are killed; running ones may start others."""
+"""Largest number of passes that stop processes before they are killed; a running process may start others."""
 
 _ALL_THREADS = 2
 """Low bits of a clock id that select the processor time of all threads of a process (clock_getcpuclockid(3))."""
 
 _SET_DEATH_SIGNAL = 1
 _SET_CHILD_SUBREAPER = 36
+"""Options of ``prctl(2)``."""
 
 
 def adopt_orphans() -> None:
@@ -45,7 +46,7 @@ def descendants(ancestor: int) -> list[int]:
 
 
 def threads(process: int) -> list[int]:
-    """Return the thread ids of a process; none if it has ended."""
+    """Return the thread ids of a process; an empty list if it has ended."""
     try:
         return [thread.id for thread in psutil.Process(process).threads()]
     except psutil.Error:
@@ -53,24 +54,27 @@ def threads(process: int) -> list[int]:
 
 
 def writers(descriptor: int) -> list[int]:
-    """Return the processes, except this one, whose standard output or standard error is the open ``descriptor``."""
-    file, found = os.fstat(descriptor), []
+    """Return the ids of processes whose standard output or standard error is the open file of ``descriptor``.
+
+    This process is left out. A process occurs twice if both streams are that file.
+    """
+    file, processes = os.fstat(descriptor), []
     for process in psutil.pids():
         for stream in (1, 2):
             with contextlib.suppress(OSError):
                 if process != os.getpid() and os.path.samestat(os.stat(f"/proc/{process}/fd/{stream}"), file):
-                    found.append(process)
-    return found
+                    processes.append(process)
+    return processes
 
 
 def running(processes: Iterable[int]) -> list[int]:
-    """Return those of ``processes`` that are running; zombies count as ended."""
-    found = []
+    """Return those of ``processes`` that have not ended; zombies count as ended."""
+    alive = []
     for process in processes:
         with contextlib.suppress(psutil.Error):
             if psutil.Process(process).status() != psutil.STATUS_ZOMBIE:
-                found.append(process)
-    return found
+                alive.append(process)
+    return alive
 
 
 def processor_seconds(process: int) -> float:
@@ -117,25 +121,27 @@ def kill_all(case: int, status: int) -> int:
     """
     stopped: set[int] = set()
     for _ in range(_MAX_PASSES):  # stopped processes cannot start others
-        left = set(descendants(os.getpid())) - stopped
-        if not left:
+        unstopped = set(descendants(os.getpid())) - stopped
+        if not unstopped:
             break
-        send_signal(signal.SIGSTOP, left)
-        stopped |= left
+        send_signal(signal.SIGSTOP, unstopped)
+        stopped |= unstopped
     while True:
         send_signal(signal.SIGKILL, descendants(os.getpid()))
         try:
-            ended, its_status = os.waitpid(-1, 0)
+            ended, ended_status = os.waitpid(-1, 0)
         except ChildProcessError:
             return status
         if ended == case:
-            status = its_status
+            status = ended_status
 
 
 def _children(process: int) -> list[int]:
-    threads = Path(f"/proc/{process}/task")
+    thread_folders = Path(f"/proc/{process}/task")
     try:
-        return [int(child) for thread in threads.iterdir() for child in (thread / "children").read_text().split()]
+        return [
+            int(child) for folder in thread_folders.iterdir() for child in (folder / "children").read_text().split()
+        ]
     except OSError:
         pass
     with contextlib.suppress(psutil.Error):

@@ -3,7 +3,7 @@
     run ── fork server ── supervisor ── case ── (what the plugin starts)
 
 The supervisor never runs code of a plugin. It adopts orphaned descendants in any session. It kills all of them and
-removes their temporary files when the case ends, the run requests it, or the run itself ends. It also stops the case
+removes their temporary files when the case or the run ends, or when the run requests it. It also stops the case
 while other cases are measured, so that remaining threads and processes do not use the processor.
 """
 
@@ -30,7 +30,7 @@ END_REPORT = struct.Struct("!i?")
 """Format of the last report: wait status of the case, and whether one of its processes used nearly all its memory."""
 
 FULL_MEMORY_SHARE = 0.9
-"""Share of the memory limit above which a case that ends without an answer is out of memory."""
+"""Share of the memory limit above which a case that ends without an answer counts as out of memory."""
 
 _SIGNALS = (signal.SIGTERM, signal.SIGCHLD)
 """Signals that wake a supervisor: the first ends its case, the second reports that a child may have ended."""
@@ -56,7 +56,7 @@ def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> No
     with contextlib.suppress(OSError):  # the case may need no temporary files
         assignment.folder.mkdir(0o700)
     wakeup = _signal_pipe()
-    initial, share = _peak_memory(resource.RUSAGE_SELF), FULL_MEMORY_SHARE * assignment.memory_bytes
+    initial_memory, full_memory = _peak_memory(resource.RUSAGE_SELF), FULL_MEMORY_SHARE * assignment.memory_bytes
     case = os.fork()
     if case == 0:
         _restore_signals(wakeup)
@@ -66,12 +66,18 @@ def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> No
     status = _watch_case(case, orders, wakeup[0])
     shutil.rmtree(assignment.folder, ignore_errors=True)
     with contextlib.suppress(OSError):
-        os.write(orders, END_REPORT.pack(status, _peak_memory(resource.RUSAGE_CHILDREN) >= initial + share))
+        os.write(
+            orders, END_REPORT.pack(status, _peak_memory(resource.RUSAGE_CHILDREN) >= initial_memory + full_memory)
+        )
     os._exit(0)
 
 
 def _peak_memory(who: int) -> int:
-    """Return the largest resident memory of this process, or of a child that it has waited for [bytes]."""
+    """Return a peak resident memory [bytes].
+
+    Args:
+        who: ``RUSAGE_SELF`` for this process, ``RUSAGE_CHILDREN`` for the largest child that it has waited for.
+    """
     return resource.getrusage(who).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
@@ -100,7 +106,7 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
 
 
 def _watch_case(case: int, orders: int, wakeup: int) -> int:
-    """Wait until the case has ended or must end; kill its remaining processes; return its wait status."""
+    """Wait until the case has ended or must end, kill its remaining processes, and return its wait status."""
     stopped: list[int] = []
     while True:
         ready = wait([orders, wakeup])
@@ -121,7 +127,7 @@ def _watch_case(case: int, orders: int, wakeup: int) -> int:
 
 
 def _read_orders(orders: int) -> bytes:
-    """Return the orders received; ``END`` if the connection is closed."""
+    """Return the received orders, one byte each; ``END`` if the connection is closed."""
     with contextlib.suppress(OSError):
         return os.read(orders, 4096) or END
     return END

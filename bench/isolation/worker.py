@@ -55,7 +55,8 @@ MAX_OUTPUT_LENGTH = 4000
 MAX_LIST_LENGTH = 16_000
 """Largest size of the list of extension modules that Python prints after a fatal signal [bytes]."""
 
-_MODULES = re.compile(r"\n*Extension modules: [^\n]*")
+_MODULE_LIST = re.compile(r"\n*Extension modules: [^\n]*")
+"""That list, which is removed from captured output."""
 
 END_SECONDS = 3.0
 """Wall time limit for a supervisor to end its case [s]."""
@@ -80,7 +81,7 @@ def invalid_answer_fault() -> Fault:
 
 
 class Task(Protocol):
-    """The task of a process: answer requests. It is sent pickled; plugin files are registered before unpickling."""
+    """The task of a process, which answers requests. Plugin files are registered before the task is unpickled."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Return a JSON object and binary content."""
@@ -88,7 +89,7 @@ class Task(Protocol):
 
 
 class Worker:
-    """The process of a case. Between requests, it is stopped with all its threads.
+    """The process of a case. Between requests, the process and its descendants are stopped.
 
     Attributes:
         case_seconds: wall time limit of all requests together [s].
@@ -167,7 +168,7 @@ class Worker:
         return answer, content
 
     def n_started(self) -> int:
-        """Return the number of processes that the case has started and that still run, orphaned ones included."""
+        """Return the number of processes, orphaned ones included, that the case has started and that have not ended."""
         return max(len(running(descendants(self._supervisor.process))) - 1, 0)
 
     @property
@@ -180,10 +181,10 @@ class Worker:
         return sum(map(processor_seconds, descendants(self._supervisor.process)))
 
     def output(self) -> str:
-        """Return the end of the output of the case."""
-        size, most = os.fstat(self._output).st_size, MAX_OUTPUT_LENGTH + MAX_LIST_LENGTH
-        printed = os.pread(self._output, most, max(0, size - most)).decode(errors="replace")
-        return _MODULES.sub("", printed)[-MAX_OUTPUT_LENGTH:]
+        """Return the end of the output of the case, without the list of extension modules."""
+        size, max_bytes = os.fstat(self._output).st_size, MAX_OUTPUT_LENGTH + MAX_LIST_LENGTH
+        text = os.pread(self._output, max_bytes, max(0, size - max_bytes)).decode(errors="replace")
+        return _MODULE_LIST.sub("", text)[-MAX_OUTPUT_LENGTH:]
 
     def dismiss(self) -> None:
         """Ask the process to end without waiting for it; it answers no further requests."""
@@ -201,11 +202,12 @@ class Worker:
     def _kill_orphans(self) -> None:
         """Kill the processes that a killed or stopped supervisor has left; they share the output file of the case."""
         deadline = time.monotonic() + END_SECONDS
-        while (left := writers(self._output)) and time.monotonic() < deadline:
-            send_signal(signal.SIGKILL, left)
+        while (orphans := writers(self._output)) and time.monotonic() < deadline:
+            send_signal(signal.SIGKILL, orphans)
             time.sleep(1e-3)
 
     def _release(self) -> None:
+        """Remove the temporary folder, and close the output file."""
         shutil.rmtree(self._folder, ignore_errors=True)
         os.close(self._output)
 
@@ -214,7 +216,7 @@ class Worker:
         self.dismiss()
         _, has_filled_memory = self._supervisor.wait_for_end(END_SECONDS)
         if has_filled_memory:
-            reason = f"it used all its {self._megabytes} MiB of memory and did not end in time"
+            reason = f"it used all its {self._mebibytes} MiB of memory and did not end in time"
             return Fault(Outcome.OUT_OF_MEMORY, reason)
         return Fault(Outcome.TIMEOUT, f"the case took longer than its {self.case_seconds:g} s")
 
@@ -227,11 +229,12 @@ class Worker:
             return Fault(Outcome.CRASHED, "its process ended together with its supervisor")
         reason = exit_reason(status, self._output, self._output_before)
         if has_filled_memory and os.WIFSIGNALED(status):
-            return Fault(Outcome.OUT_OF_MEMORY, f"{reason} when its {self._megabytes} MiB of memory were full")
+            return Fault(Outcome.OUT_OF_MEMORY, f"{reason} when its {self._mebibytes} MiB of memory were full")
         return Fault(Outcome.CRASHED, reason)
 
     @property
-    def _megabytes(self) -> str:
+    def _mebibytes(self) -> str:
+        """The memory limit in MiB, as text."""
         return f"{self._memory_bytes / 2**20:.0f}"
 
 
@@ -247,7 +250,11 @@ def numbers_of(content: bytes) -> FloatArray:
 
 
 def _reported_fault(answer: dict[str, Any]) -> Fault | None:
-    """Return the fault that an answer reports, or None; raise an error if the report is invalid."""
+    """Return the fault that an answer reports, or None.
+
+    Raises:
+        ValueError, KeyError: if the report is invalid.
+    """
     if "fault" not in answer:
         return None
     outcome, reason, trace = Outcome(answer["fault"]), answer["reason"], answer["traceback"]
@@ -271,8 +278,8 @@ def _output_file() -> int:
 
 def _setting() -> dict[str, Any]:
     """Return the settings of this process that a case needs; the case does not run the main script again."""
-    known = spawn.get_preparation_data("case")
-    return {key: known[key] for key in ("sys_path", "dir") if key in known}
+    data = spawn.get_preparation_data("case")
+    return {key: data[key] for key in ("sys_path", "dir") if key in data}
 
 
 class RenewedWorker:
@@ -281,7 +288,7 @@ class RenewedWorker:
     Use it as a context manager, or call ``close``; otherwise the process ends when the object is deleted.
 
     Attributes:
-        seconds: wall time limit of each request [s].
+        seconds: default wall time limit of a request [s].
     """
 
     def __init__(
@@ -291,11 +298,11 @@ class RenewedWorker:
         memory_bytes: int = MEMORY_BYTES,
         solvers: Sequence[str] = (),
     ) -> None:
-        """Store the arguments of ``Worker``."""
+        """Store the arguments, see ``Worker``; ``seconds`` is the default wall time limit of a request [s]."""
         self.seconds = seconds
         self._task, self._memory_bytes, self._solvers = task, memory_bytes, solvers
-        self._running: list[Worker] = []
-        weakref.finalize(self, _end, self._running)
+        self._workers: list[Worker] = []
+        weakref.finalize(self, _close_all, self._workers)
 
     def ask(self, request: str, *arguments: Any, seconds: float | None = None) -> tuple[dict[str, Any], bytes]:
         """Return the answer to one request, within ``seconds`` or the default limit [s].
@@ -304,9 +311,9 @@ class RenewedWorker:
             Exception: the one that ``failure`` returns, if the request gets no answer.
         """
         try:
-            if not self._running:
-                self._running.append(Worker(self._task, self.seconds, self._memory_bytes, self._solvers))
-            worker = self._running[0]
+            if not self._workers:
+                self._workers.append(Worker(self._task, self.seconds, self._memory_bytes, self._solvers))
+            worker = self._workers[0]
             worker.case_seconds, worker.busy_seconds = self.seconds if seconds is None else seconds, 0.0
             return worker.ask(request, *arguments)
         except Fault as fault:
@@ -319,7 +326,7 @@ class RenewedWorker:
 
     def close(self) -> None:
         """End the process."""
-        _end(self._running)
+        _close_all(self._workers)
 
     def __enter__(self) -> Self:
         return self
@@ -330,6 +337,7 @@ class RenewedWorker:
         self.close()
 
 
-def _end(running: list[Worker]) -> None:
-    while running:
-        running.pop().close()
+def _close_all(workers: list[Worker]) -> None:
+    """Close the workers, and empty the list."""
+    while workers:
+        workers.pop().close()

@@ -36,6 +36,7 @@ Answer = TypeVar("Answer")
 """The result of one round of a level."""
 
 Timed = TypeVar("Timed", bound=TimedRound)
+"""The kind of a round."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,8 @@ class CasePass:
     """One pass over the cases of a problem.
 
     Attributes:
-        session: number of the session of the run.
-        number: number of the pass in the session; points that already have more passes are skipped.
+        session: number of the session of the run, from 0.
+        number: number of the pass in the session, from 0; points that already have more passes are skipped.
     """
 
     session: int = 0
@@ -59,7 +60,7 @@ class LadderCase(ABC, Generic[Answer]):
         ladder: values of the ladder, from coarse to fine.
         limits: limits of time, memory and iterations.
         case_pass: the current pass.
-        outcome: MEASURED, or the fault of the case.
+        outcome: MEASURED, or why the case failed.
         points: the finished points of the ladder.
         is_solvable: whether the problem has a solution under Coulomb's law; None if unknown.
         is_built_in: whether its process measures a built-in solver and runs no code of plugins.
@@ -94,7 +95,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     @abstractmethod
     def measure(self, value: float, number: int) -> Answer | None:
-        """Run round ``number``, from 0; return its answer, or None if the case failed."""
+        """Run round ``number``, from 0, at a value of the ladder; return its answer, or None if the case failed."""
 
     @abstractmethod
     def needs_round(self, answers: Sequence[Answer]) -> bool:
@@ -102,7 +103,7 @@ class LadderCase(ABC, Generic[Answer]):
 
     @abstractmethod
     def point(self, value: float, answers: list[Answer]) -> Point:
-        """Return a point of the ladder from its rounds."""
+        """Return the point at a value of the ladder from the answers of its rounds."""
 
     @abstractmethod
     def reason_to_stop(self, point: Point) -> str:
@@ -118,7 +119,7 @@ class LadderCase(ABC, Generic[Answer]):
         return 1
 
     def pin_to_core(self, core: MeasuringCore) -> None:
-        """Pin the process to one core per thread."""
+        """Pin the process to one core per thread; fail the case if the run may not use as many cores."""
         self.core = core
         if self._worker is not None and core.number is not None and self.threads > len(core.allowed):
             allowed = counted(len(core.allowed), "core")
@@ -140,7 +141,7 @@ class LadderCase(ABC, Generic[Answer]):
             self.points.append(point)
 
     def skip_point(self, level: int) -> None:
-        """Record a level as not attempted, because a coarser one was not solved."""
+        """Record a level as not attempted, unless it is the first one or already has a point."""
         if level == len(self.points) > 0:
             reason, value = self._reason_to_stop_before(level) or self._reason, self.ladder[level]
             self.points.append(Point(tolerance=value, outcome=Outcome.NOT_ATTEMPTED, status="", reason=reason))
@@ -179,14 +180,15 @@ class LadderCase(ABC, Generic[Answer]):
         )
 
     def _reason_to_stop_before(self, level: int) -> str:
+        """Return why the point before a level ends the ladder; empty if it does not."""
         return self.reason_to_stop(self.points[level - 1]) if level > 0 else ""
 
     def _start(self, task: Task, solvers: Sequence[str] = ()) -> None:
-        """Start the process, in which the kernels of ``solvers`` are loaded; fail the case if that is impossible."""
+        """Start the process, in which the kernels of ``solvers`` are loaded; fail the case if it cannot be started."""
         try:
             self._worker = Worker(task, self.limits.case_seconds, self.limits.memory_bytes, solvers)
-        except Fault as unsent:
-            self._fail(unsent)
+        except Fault as fault:
+            self._fail(fault)
 
     def _ask(
         self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES
@@ -217,11 +219,11 @@ class LadderCase(ABC, Generic[Answer]):
         if self._worker is None:
             return None
         process, probe, began = self._worker.process, self.core.probe(), time.monotonic()
-        found = self._ask(request, *arguments)
-        if found is None:
+        answer = self._ask(request, *arguments)
+        if answer is None:
             return None
         try:
-            timed = kind.read(found[0], time.monotonic() - began, self.is_built_in)
+            timed = kind.read(answer[0], time.monotonic() - began, self.is_built_in)
             is_pinned, used = self.core.number is not None, timed.threads_used(self.threads)
             if (is_pinned and timed.exceeds(self.threads)) or not self.core.has_pinned(process, self.threads):
                 raise Fault(Outcome.MISBEHAVED, "it changed the cores that its process may use")
@@ -231,20 +233,23 @@ class LadderCase(ABC, Generic[Answer]):
             self._fail(fault)
             return None
         probes, turn = (probe, self.core.probe()), (self.case_pass.session, self.case_pass.number, number)
-        return timed, timed.record(*turn, max(probes), self.core.is_steady(*probes)), found[1]
+        return timed, timed.record(*turn, max(probes), self.core.is_steady(*probes)), answer[1]
 
     def _update_costs(self) -> None:
+        """Read the wall time and the peak memory of the process."""
         if self._worker is not None:
             self._seconds = self._seconds_before + self._worker.busy_seconds
             self._memory = max(self._memory, self._worker.peak_memory_bytes)
 
     def _fail(self, fault: Fault) -> None:
+        """End the case with the outcome of a fault, unless it was dismissed."""
         if not self._is_dismissed:
             self.outcome, self._reason, self._traceback = fault.outcome, fault.reason, fault.traceback
         self.end()
 
 
 Keep = Callable[[LadderCase[Any], float], None]
+"""A function that stores a case after a level, given by its value."""
 
 
 def measure_ladder(
@@ -265,8 +270,8 @@ def measure_ladder(
             for case in cases:
                 case.pin_to_core(core)
             for level in levels:
-                left = [case for case in cases if level < len(case.ladder) and case.is_pending(level)]
-                _measure_level(left, level, keep)
+                pending = [case for case in cases if level < len(case.ladder) and case.is_pending(level)]
+                _measure_level(pending, level, keep)
             for case in cases:
                 case.finish()
     finally:
@@ -277,17 +282,21 @@ def measure_ladder(
 
 
 def _begin(cases: Sequence[LadderCase[Any]]) -> None:
-    """Start at most ``MAX_PARALLEL_STARTS`` cases, and one per core, at a time; on an exception, end them and raise."""
-    at_once = min(MAX_PARALLEL_STARTS, os.cpu_count() or 1)
-    with ThreadPoolExecutor(at_once) as pool:
-        begun = [pool.submit(case.begin) for case in cases]
+    """Start cases in parallel, at most ``MAX_PARALLEL_STARTS`` and at most one per core at a time.
+
+    On an exception, end the cases and raise it.
+    """
+    n_parallel = min(MAX_PARALLEL_STARTS, os.cpu_count() or 1)
+    with ThreadPoolExecutor(n_parallel) as pool:
+        futures = [pool.submit(case.begin) for case in cases]
         try:
-            for one in begun:
-                one.result()
+            for future in futures:
+                future.result()
         except BaseException:
-            for one in begun:
-                one.cancel()
-            while wait(begun, timeout=INTERRUPT_SECONDS).not_done:  # a case that is about to start has no process yet
+            for future in futures:
+                future.cancel()
+            # repeated, because a case that is about to start has no process to end yet
+            while wait(futures, timeout=INTERRUPT_SECONDS).not_done:
                 for case in cases:
                     case.dismiss()
             raise
@@ -296,19 +305,19 @@ def _begin(cases: Sequence[LadderCase[Any]]) -> None:
 def _measure_level(cases: Sequence[LadderCase[Any]], level: int, keep: Keep) -> None:
     """Measure one level of all cases, with alternating rounds, and store each case after its last round."""
     answers: list[list[Any]] = [[] for _ in cases]
-    left = list(range(len(cases)))
-    while left:
-        for index in list(left):
-            case, found = cases[index], answers[index]
-            answer = case.measure(case.ladder[level], len(found)) if case.is_open(level) else None
+    pending = list(range(len(cases)))
+    while pending:
+        for index in list(pending):
+            case, answers_of_case = cases[index], answers[index]
+            answer = case.measure(case.ladder[level], len(answers_of_case)) if case.is_open(level) else None
             if answer is not None:
-                found.append(answer)
-            if answer is None or not case.needs_round(found):
-                left.remove(index)
-                _keep_level(case, level, found, keep)
+                answers_of_case.append(answer)
+            if answer is None or not case.needs_round(answers_of_case):
+                pending.remove(index)
+                _store_level(case, level, answers_of_case, keep)
 
 
-def _keep_level(case: LadderCase[Any], level: int, answers: list[Any], keep: Keep) -> None:
+def _store_level(case: LadderCase[Any], level: int, answers: list[Any], keep: Keep) -> None:
     """Store the measurements of one level, or that it was not attempted."""
     if case.is_open(level) and answers:
         case.add_point(level, answers)

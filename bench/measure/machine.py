@@ -45,11 +45,13 @@ def this_machine() -> Machine:
 
 
 def busy_seconds(except_cores: Set[int]) -> float:
-    """Return the busy time of all cores but ``except_cores`` since the system started [s]; 0 if that is empty."""
+    """Return the busy time of all cores but ``except_cores`` since the system started [s]; 0 if none is excepted."""
     if not except_cores:
         return 0.0
-    others = [one for number, one in enumerate(psutil.cpu_times(percpu=True)) if number not in except_cores]
-    return float(sum(sum(one[:8]) - one.idle - getattr(one, "iowait", 0.0) for one in others))
+    times_of_others = [
+        times for number, times in enumerate(psutil.cpu_times(percpu=True)) if number not in except_cores
+    ]
+    return float(sum(sum(times[:8]) - times.idle - getattr(times, "iowait", 0.0) for times in times_of_others))
 
 
 def _version(name: str) -> str:
@@ -69,16 +71,16 @@ def _processor() -> str:
 def _source() -> str:
     """Return the SHA-256 of the names and contents of the source files of this package."""
     package, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
-    for file in sorted(path for floor in ("problems", "solvers", "bench") for path in (package / floor).rglob("*.py")):
+    for file in sorted(path for part in ("problems", "solvers", "bench") for path in (package / part).rglob("*.py")):
         digest.update(f"{file.relative_to(package)}\0".encode() + file.read_bytes() + b"\0")
     return digest.hexdigest()
 
 
-def _git(*words: str) -> str:
+def _git(*arguments: str) -> str:
     """Return the output of a git command in the folder of this source; empty outside a checkout."""
     try:
-        done = subprocess.run(
-            ["git", "--no-optional-locks", "-C", str(Path(__file__).resolve().parent), *words],
+        process = subprocess.run(
+            ["git", "--no-optional-locks", "-C", str(Path(__file__).resolve().parent), *arguments],
             capture_output=True,
             text=True,
             timeout=10,
@@ -86,4 +88,4 @@ def _git(*words: str) -> str:
         )
     except (OSError, subprocess.SubprocessError):
         return ""
-    return done.stdout.strip()
+    return process.stdout.strip()

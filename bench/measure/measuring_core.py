@@ -7,13 +7,13 @@ show whether other programs disturbed a round of solves:
 * context switches and processor time of the solves (``Round`` in ``store/records.py``);
 * a *probe*: before and after each round, this process, which runs no code of a plugin, times a fixed computation on
   the same core. The computation takes longer if another hardware thread shares the core, or if the clock rate drops;
-* the load of the *other* cores, which are idle if only this run works.
+* the load of the *other* cores, which are idle if only this run is active.
 
 A disturbed round is excluded and measured again. Measured times are never corrected.
 
 A solver with several threads is pinned to this core and to one more for each further thread. The further cores are not
 claimed, so a run with several threads can disturb any other run on the machine. The load does not include other
-programs on these cores.
+programs on these further cores.
 """
 
 import contextlib
@@ -58,7 +58,7 @@ class MeasuringCore:
         number: number of the core; None if the system does not support affinity, or other runs have claimed every core.
         probes: wall times of all probes [s].
         allowed: numbers of the cores that this process may use.
-        busy_cores: mean number of other busy cores while this one was last pinned.
+        busy_cores: mean number of other cores that were busy while the calling thread was last pinned to this one.
     """
 
     number: int | None
@@ -87,16 +87,16 @@ class MeasuringCore:
     @contextlib.contextmanager
     def pinned(self, count: int = 1) -> Iterator[None]:
         """Pin the calling thread to the core, and measure the load of all except the ``count`` cores of solvers."""
-        own = set[int]() if self.number is None else self.cores(count)
+        solver_cores = set[int]() if self.number is None else self.cores(count)
         before = _allowed_cores()
         if self.number is not None:
             os.sched_setaffinity(0, {self.number})
         try:
             while len(self.probes) < FIRST_PROBES:
                 self.probe()
-            busy, began = busy_seconds(own), perf_counter()
+            busy, began = busy_seconds(solver_cores), perf_counter()
             yield
-            self.busy_cores = max(busy_seconds(own) - busy, 0.0) / max(perf_counter() - began, 1e-3)
+            self.busy_cores = max(busy_seconds(solver_cores) - busy, 0.0) / max(perf_counter() - began, 1e-3)
         finally:
             if self.number is not None:
                 os.sched_setaffinity(0, before)
@@ -113,15 +113,15 @@ class MeasuringCore:
         cores = self.cores(count)
         for _ in range(MAX_PINNING_ATTEMPTS):
             processes = (process, *descendants(process))
-            for one in processes:
-                for thread in threads(one):
+            for member in processes:
+                for thread in threads(member):
                     with contextlib.suppress(OSError):  # the thread has ended
                         os.sched_setaffinity(thread, cores)
-            if all(self.has_pinned(one, count) for one in processes):
+            if all(self.has_pinned(member, count) for member in processes):
                 return
 
     def has_pinned(self, process: int, count: int = 1) -> bool:
-        """Return whether all threads of a process are still pinned to ``count`` cores."""
+        """Return whether all threads of a process are still pinned to ``count`` cores; True without a claimed core."""
         if self.number is None:
             return True
         cores = self.cores(count)
@@ -146,6 +146,7 @@ class MeasuringCore:
         return self.number is None or max(probes) <= MAX_PROBE_RATIO * self.reference
 
     def _run_probe(self) -> float:
+        """Run the fixed computation; return its wall time [s]."""
         began = perf_counter()
         sorted(map(str, range(PROBE_OBJECTS)))
         (1.5 * self._numbers).sum()

@@ -72,10 +72,10 @@ class Plan(Generic[Measured]):
 
     def _names(self) -> dict[str, str]:
         """Return the names of problems and solvers, or their numbers if there are many."""
-        measured = "method" if self.record.methods else "solver"
+        subject = "method" if self.record.methods else "solver"
         return {
             "problems": names_or_number(self.record.problems, "problem"),
-            f"{measured}s": names_or_number(self.record.solvers, measured),
+            f"{subject}s": names_or_number(self.record.solvers, subject),
         }
 
 
@@ -95,13 +95,14 @@ def make_plan(
 
     Args:
         problems: names, files, folders or problem objects; the members of ``suite`` if None.
-        solvers: names with options, or solver objects; ``DEFAULT_SOLVERS`` if None. In the suite ``sequences`` each is
-            measured from zero and, as ``Warm(solver)``, from its last answer; ``SEQUENCE_SOLVERS`` if None.
+        solvers: names with options, or solver objects; ``DEFAULT_SOLVERS`` if None. In the suite ``sequences``, the
+            default is ``SEQUENCE_SOLVERS``, and each solver is measured from zero and, as ``Warm(solver)``, from its
+            answer to the previous step.
         settings: tolerances, limits, passes and seed.
         suite: name of a suite, or a folder.
         sample: number of problems to draw; all if None.
         sampling: how the sample is divided among families: "proportional" or "even".
-        shard: measure every n-th problem from the i-th on, for "i/n".
+        shard: "i/n" to measure every n-th problem from the i-th on; all problems if empty.
 
     Raises:
         ProblemError: for an unknown problem or suite (the message suggests the nearest name), a file or folder without
@@ -120,7 +121,7 @@ def make_plan(
         raise BenchError("no solver is given; name at least one, or omit the solvers to measure the default ones.")
     specs = tuple(map(solver_spec, solvers or (SEQUENCE_SOLVERS if is_sequences else DEFAULT_SOLVERS)))
     if is_sequences:
-        specs = tuple(dict.fromkeys(start for spec in specs for start in (spec, warm(spec))))
+        specs = tuple(dict.fromkeys(variant for spec in specs for variant in (spec, warm(spec))))
     names = [spec.name for spec in specs]
     require_unique("solver", names)
     record = PlanRecord(

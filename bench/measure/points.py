@@ -14,7 +14,7 @@ from ..store.records import MAX_ANSWERS, Measured, Point, Round
 
 _RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
 _OTHER_RANK = 2
-"""Ranks of outcomes from good to bad."""
+"""Ranks of outcomes from good to bad; other outcomes have ``_OTHER_RANK``."""
 
 
 def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
@@ -31,7 +31,8 @@ def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
 def joined(before: Point, now: Point) -> Point:
     """Return a point with the rounds of two passes, the worse outcome with its reason, and the worse answer.
 
-    A time limit reached only in excluded rounds is ignored if another round is not excluded.
+    If the rounds of only one pass reached the time limit under load (``is_late_under_load``), the other one determines
+    outcome and answer, and the times are those of both.
     """
     if before.measured is None or now.measured is None:
         return now if now.measured is not None else before
@@ -45,10 +46,11 @@ def joined(before: Point, now: Point) -> Point:
 
 
 def _joined(before: Measured, now: Measured) -> Measured:
+    """Return the measurements of two passes together, with the worse answer."""
     rounds = [*before.rounds, *now.rounds]
     worse = before if number_of(before.residual) >= number_of(now.residual) else now
     hashes = list(dict.fromkeys([*before.hashes, *now.hashes]))[:MAX_ANSWERS]
-    errors = [one.impulse_error for one in (before, now) if one.impulse_error is not None]
+    errors = [measured.impulse_error for measured in (before, now) if measured.impulse_error is not None]
     return replace(
         worse,
         iterations=before.iterations,
@@ -69,21 +71,21 @@ def _joined(before: Measured, now: Measured) -> Measured:
 
 def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
     """Return the fields of a point that follow from its rounds; times use excluded rounds only if all are excluded."""
-    kept = [one for one in rounds if not one.excluded] or rounds
+    kept = [timed for timed in rounds if not timed.excluded] or rounds
     columns = {
-        "prepare_seconds": [one.prepare_seconds for one in kept],
-        "solve_seconds": [one.solve_seconds for one in kept],
-        "total_seconds": [one.total_seconds.median for one in kept],
-        "processor_seconds": [one.processor_seconds / one.repeats for one in kept],
+        "prepare_seconds": [timed.prepare_seconds for timed in kept],
+        "solve_seconds": [timed.solve_seconds for timed in kept],
+        "total_seconds": [timed.total_seconds.median for timed in kept],
+        "processor_seconds": [timed.processor_seconds / timed.repeats for timed in kept],
     }
     return {
         **{name: quartiles(np.array(values)) for name, values in columns.items()},
-        "repeats": sum(one.repeats for one in rounds),
-        "is_excluded": all(one.excluded for one in rounds),
+        "repeats": sum(timed.repeats for timed in rounds),
+        "is_excluded": all(timed.excluded for timed in rounds),
     }
 
 
 def quartiles(values: FloatArray) -> Quartiles:
-    """Return the minimum, quartiles and median of times [s], shape (n,)."""
+    """Return the minimum, first quartile, median and third quartile of times [s], shape (n,)."""
     low, first, median, third = map(float, np.quantile(values, (0.0, 0.25, 0.5, 0.75)))
     return Quartiles(min=low, q1=first, median=median, q3=third)

@@ -26,18 +26,20 @@ def mark_refuted_claims(cases: Sequence[CaseRecord], is_solvable: bool | None) -
     if is_solvable is not None:
         (solvable.add if is_solvable else solvable.discard)(str(Model.COULOMB))
     return [
-        replace(case, points=[_without_claim(point) for point in case.points])
+        replace(case, points=[_marked_wrong(point) for point in case.points])
         for case in cases
         if case.model in solvable and any(point.outcome is Outcome.INFEASIBLE for point in case.points)
     ]
 
 
 def _is_solution(point: Point) -> bool:
+    """Return whether the impulses of a point solve the model of its solver."""
     residual = None if point.measured is None else point.measured.model_residual
     return point.outcome in (Outcome.SOLVED, Outcome.RELAXED) and residual is not None and residual <= SOLUTION_RESIDUAL
 
 
-def _without_claim(point: Point) -> Point:
+def _marked_wrong(point: Point) -> Point:
+    """Return a point whose outcome is wrong if it claims that there is no solution."""
     if point.outcome is not Outcome.INFEASIBLE:
         return point
     return replace(point, outcome=Outcome.WRONG, reason="claims that there is no solution, but one is known")

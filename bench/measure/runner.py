@@ -42,7 +42,7 @@ def measure(
     """
     store = Store.create(folder)
     names = [trajectory.name for trajectory in plan.record.trajectories]
-    solvers = [one.solver if isinstance(one, Method) else one for one in plan.solvers]
+    solvers = [subject.solver if isinstance(subject, Method) else subject for subject in plan.solvers]
     scenes = [parse_scene(name)[0] for name in names]
     with store.locked():
         store.require_new()
@@ -90,11 +90,11 @@ def resume_measuring(
             f"{folder} was judged by version {record.judge} of the judge, but this is {JUDGE}; their residuals are "
             "not comparable; begin a new run."
         )
-    differing = differences if executor is None else software_differences
-    changed = differing(record.machine, this_machine())
-    if changed and not mix:
+    find_differences = differences if executor is None else software_differences
+    changes = find_differences(record.machine, this_machine())
+    if changes and not mix:
         raise BenchError(
-            f"{folder} was started with another machine or source ({'; '.join(changed)}), whose times are not "
+            f"{folder} was started with another machine or source ({'; '.join(changes)}), whose times are not "
             f"comparable; begin a new run, or mix them with `mix=True`."
         )
     use_plugin_files(plugins)

@@ -68,24 +68,25 @@ def select(
         raise BenchError("no problem is given; name at least one, or omit the problems to measure a suite.")
     given, suite_name = (tuple(problems), "") if problems else _members(suite)
     candidates, left_out, folders = _candidates(given)
-    taken: dict[str, str | ContactProblem] = {}
+    loaded: dict[str, str | ContactProblem] = {}
     while candidates:
-        drawn = candidates if sample is None else _drawn(candidates, sample, seed, sampling)
-        reasons = _read_into(taken, drawn)
+        drawn = candidates if sample is None else _draw_sample(candidates, sample, seed, sampling)
+        reasons = _load_into(loaded, drawn)
         if not reasons:
             break
         left_out += reasons.values()
-        candidates = [one for one in candidates if one.name not in reasons]  # others are drawn in their place
+        # other problems are drawn in place of those that cannot be read
+        candidates = [candidate for candidate in candidates if candidate.name not in reasons]
     else:
         raise ProblemError(f"none of {len(left_out)} problem files can be measured; the first: {left_out[0]}")
-    families = {one.name: one.family for one in drawn}
+    families = {candidate.name: candidate.family for candidate in drawn}
     if suite_name and folders:
         suite_name = folders[0]
-    return Selection(tuple(taken[name] for name in families), families, suite_name, tuple(left_out))
+    return Selection(tuple(loaded[name] for name in families), families, suite_name, tuple(left_out))
 
 
 def select_shard(selection: Selection, shard: str) -> tuple[Selection, str]:
-    """Return every n-th problem of a selection, from the i-th on, for a shard ``"i/n"``, and its canonical spelling.
+    """Return every n-th problem from the i-th on, for a shard ``"i/n"``, and the shard without leading zeros.
 
     Raises:
         BenchError: if ``shard`` is invalid, or has no problem.
@@ -107,8 +108,8 @@ def parse_shard(shard: str) -> tuple[int, int]:
     Raises:
         BenchError: if ``shard`` is invalid.
     """
-    found = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", shard)
-    number, count = map(int, found.groups()) if found else (0, 0)
+    match = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", shard)
+    number, count = map(int, match.groups()) if match else (0, 0)
     if not 1 <= number <= count:
         raise BenchError(f"`shard` must be i/n with 1 ≤ i ≤ n, such as 2/8, got {shard!r}.")
     return number, count
@@ -130,22 +131,23 @@ class _Candidate:
 
 def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], list[str]]:
     """Return all given problems, the reasons for skipped files, and the names of the folders."""
-    for one in given:
-        _require_problem(one)
+    for item in given:
+        _require_problem(item)
     known = set(problem_names())
-    check_known(one for one in given if isinstance(one, str) and not is_path(one) and not _is_folder(one, known))
+    names = [item for item in given if isinstance(item, str) and not is_path(item)]
+    check_known(name for name in names if not _is_folder(name, known))
     sources = {offer.name: offer.source for offer in plugin_problems()}
     candidates, left_out, folders = [], list[str](), list[str]()
-    for one in given:
-        if _is_folder(one, known):
-            folder = list_folder(str(one))
+    for item in given:
+        if _is_folder(item, known):
+            folder = list_folder(str(item))
             folders.append(folder.name)
             left_out += [reason for _, reason in folder.broken]
             candidates += [_Candidate(member.name, member.family, member) for member in folder.members]
-        elif isinstance(one, str) and not is_path(one) and one not in sources:
-            candidates.append(_Candidate(one, family_of(one), one))
+        elif isinstance(item, str) and not is_path(item) and item not in sources:
+            candidates.append(_Candidate(item, family_of(item), item))
         else:
-            problem = resolve_problem(one)
+            problem = resolve_problem(item)
             check_numbers(problem)
             family = sources.get(problem.name) or family_of(problem)
             candidates.append(_Candidate(problem.name, family, problem))
@@ -154,6 +156,7 @@ def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], li
 
 
 def _require_problem(given: object) -> None:
+    """Raise ``ProblemError`` if an object cannot denote a problem."""
     if not isinstance(given, str | Path | ContactProblem):
         raise ProblemError(
             f"`problems` must be names, files or contact problems, not {type(given).__name__}; for a matrix G, pass "
@@ -161,25 +164,31 @@ def _require_problem(given: object) -> None:
         )
 
 
-def _drawn(candidates: Sequence[_Candidate], sample: int, seed: int, sampling: Sampling) -> list[_Candidate]:
-    chosen = set(sampled({one.name: one.family for one in candidates}, sample, seed, sampling))
-    return [one for one in candidates if one.name in chosen]
+def _draw_sample(candidates: Sequence[_Candidate], sample: int, seed: int, sampling: Sampling) -> list[_Candidate]:
+    """Return a sample of the candidates, in their order."""
+    chosen = set(sampled({candidate.name: candidate.family for candidate in candidates}, sample, seed, sampling))
+    return [candidate for candidate in candidates if candidate.name in chosen]
 
 
-def _read_into(taken: dict[str, str | ContactProblem], drawn: Sequence[_Candidate]) -> dict[str, str]:
-    """Add drawn problems to ``taken``; return, by name, why some of them cannot be read."""
+def _load_into(loaded: dict[str, str | ContactProblem], drawn: Sequence[_Candidate]) -> dict[str, str]:
+    """Add drawn problems to ``loaded``; return the reasons why some cannot be read, by name."""
     reasons = {}
-    for one in drawn:
+    for candidate in drawn:
         try:
-            if one.name not in taken:
-                taken[one.name] = _read(one.source) if isinstance(one.source, Member) else one.source
+            if candidate.name not in loaded:
+                source = candidate.source
+                loaded[candidate.name] = _load_member(source) if isinstance(source, Member) else source
         except ProxbenchError as error:
-            reasons[one.name] = str(error)
+            reasons[candidate.name] = str(error)
     return reasons
 
 
 def _members(suite: str | Path) -> tuple[tuple[Given, ...], str]:
-    """Return the members of a suite, or the folder of a suite, with its name."""
+    """Return the members of a suite and its name; for a folder, the folder as the only member.
+
+    Raises:
+        ProblemError: if there is no such suite or folder.
+    """
     if isinstance(suite, str) and (suite in SUITES or not (os.path.isdir(suite) or "/" in suite)):
         return tuple(suite_members(suite)), suite
     if not os.path.isdir(suite):
@@ -194,7 +203,7 @@ def _is_folder(given: Given, known: set[str]) -> bool:
     return os.path.isdir(given)
 
 
-def _read(member: Member) -> ContactProblem:
+def _load_member(member: Member) -> ContactProblem:
     """Return a problem of a folder, named after its file."""
     problem = load(member.path).renamed(member.name)
     try:

@@ -2,7 +2,7 @@
 
 A process loses time while another one runs on its core (it is *preempted*), while the hypervisor runs another machine,
 or while it sleeps or waits for a device. Let T be the wall time of the solves, P their processor time, and w the time
-for which the process is runnable but waits for the core [s]. Then
+for which the process can run but waits for the core [s]. Then
 
     lost = w                 if the process only switched voluntarily: it may have slept,
     lost = max(T - P, w)     otherwise: it never slept, or another process or thread took the core,
@@ -57,8 +57,8 @@ class TimedRound(Struct, frozen=True):
         status: status of the last solve.
         iterations: iterations of the last solve, as the solver counts them.
         message: message of the last solve.
-        prepare, solve, processor: times of each solve [s].
-        involuntary, voluntary: numbers of context switches.
+        prepare, solve, processor: wall times of preparing and solving, and processor time of both, for each solve [s].
+        involuntary, voluntary: numbers of context switches during the solves.
         waited: time spent runnable but waiting for the core [s]; None if the system does not measure it.
         uncounted: wall time of each solve outside the library of an external solver [s]; empty if all of it counts.
         earlier_iterations: iterations of earlier solves of other problems; empty in rounds of one problem.
@@ -101,8 +101,8 @@ class TimedRound(Struct, frozen=True):
             raise invalid_answer_fault()
         counted = float(timed.walls.sum())
         if not counted <= wall_seconds:
-            clock = f"the clock in its process counted {counted:g} s of solving in {wall_seconds:g} s of wall time"
-            raise Fault(Outcome.MISBEHAVED, clock)
+            reason = f"the clock in its process counted {counted:g} s of solving in {wall_seconds:g} s of wall time"
+            raise Fault(Outcome.MISBEHAVED, reason)
         return timed
 
     @property
@@ -144,7 +144,7 @@ class TimedRound(Struct, frozen=True):
         return declared if self.threads is None else min(self.threads, declared)
 
     def exceeds(self, cores: int) -> bool:
-        """Return whether its processor time exceeds that of ``cores`` fully used cores."""
+        """Return whether the processor time of the solves exceeds that of ``cores`` fully used cores."""
         allowed = cores * (PARALLEL_SECONDS + CLOCK_SECONDS * self.n_readings)
         return sum(self.processor) - cores * (1.0 + TOLERATED_SHARE) * float(self.walls.sum()) > allowed
 
@@ -155,7 +155,7 @@ class TimedRound(Struct, frozen=True):
             session: number of the session of the run.
             number: number of the pass in the session.
             turn: number of the round in the pass.
-            probe: the longer one of the probes before and after the round [s].
+            probe: the longer of the probes before and after the round [s].
             is_steady: whether both probes are close to the reference.
         """
         excluded: Excluded = "preempted" if self.is_preempted else "" if is_steady else "unsteady"

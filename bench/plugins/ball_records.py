@@ -18,8 +18,8 @@ class BallsRecord(Record, frozen=True, kw_only=True):
         dimension: 2 or 3.
         has_rotation: whether the balls rotate.
         inertia_factor: moment of inertia of a ball over m r².
-        planes: the planes.
-        segments: the other surfaces that can be drawn.
+        planes: the planes among the surfaces.
+        segments: the segments among them; other surfaces are not drawn.
     """
 
     dimension: Literal[2, 3]
@@ -35,8 +35,8 @@ def describe_balls(balls: BallSystem) -> BallsRecord:
         dimension=balls.dimension,  # type: ignore[arg-type]
         has_rotation=balls.friction is not None,
         inertia_factor=balls.inertia_factor,
-        planes=[plain_copy(one, Plane) for one in balls.surfaces if isinstance(one, Plane)],
-        segments=[plain_copy(one, Segment) for one in balls.surfaces if isinstance(one, Segment)],
+        planes=[plain_copy(surface, Plane) for surface in balls.surfaces if isinstance(surface, Plane)],
+        segments=[plain_copy(surface, Segment) for surface in balls.surfaces if isinstance(surface, Segment)],
     )
 
 

@@ -14,19 +14,21 @@ from ..store.fields import Count, Number, Positive, Record
 from .scene_arrays import Arrays, plain_copy
 
 Vector = tuple[Number, Number, Number]
+"""Three coordinates."""
 
 Kind = Literal["box", "sphere", "capsule", "cylinder", "half-space", "polyhedron"]
+"""Names of the kinds of shapes."""
 
 
 class ShapeRecord(Record, frozen=True, kw_only=True):
     """A shape.
 
     Attributes:
-        kind: its kind.
+        kind: the kind of the shape.
         numbers: edge lengths of a box, radius of a sphere, radius and length of a capsule or a cylinder [m], volume
-            [m³] and moments [m⁵] of a polyhedron.
+            [m³] and principal moments of inertia for a density of 1 [m⁵] of a polyhedron; empty for a half-space.
         vertices: corners of a polyhedron [m].
-        faces: corners of each face of a polyhedron.
+        faces: indices of the corners of each face of a polyhedron.
     """
 
     kind: Kind
@@ -86,11 +88,11 @@ def describe_bodies(bodies: RigidBodies) -> BodiesRecord:
         shapes=[_shape_record(shape) for shape in bodies.shapes],
         fixed=[
             FixedRecord(
-                shape=_shape_record(one.shape),
-                centre=tuple(np.asarray(one.centre).tolist()),
-                orientation=tuple(np.asarray(one.orientation).tolist()),
+                shape=_shape_record(body.shape),
+                centre=tuple(np.asarray(body.centre).tolist()),
+                orientation=tuple(np.asarray(body.orientation).tolist()),
             )
-            for one in bodies.fixed
+            for body in bodies.fixed
         ],
         joints=[plain_copy(joint, Joint) for joint in joints],
         has_friction=bodies.friction is not None,
@@ -120,7 +122,7 @@ def _shape_record(shape: Shape) -> ShapeRecord:
 
 
 def body_arrays(scene: Scene) -> Arrays:
-    """Return masses [kg] and moments of inertia [kg m²] of the rigid bodies of ``scene``; empty if it has none."""
+    """Return masses [kg] and moments of inertia [kg m²] of the rigid bodies of ``scene``; empty without any."""
     bodies = scene.bodies
     return {} if bodies is None else {"body_masses": bodies.masses, "body_moments": bodies.moments}
 
@@ -135,9 +137,9 @@ def read_bodies(record: BodiesRecord, arrays: Arrays, n_coordinates: int, n_dofs
     if (7 * n_bodies, 6 * n_bodies) != (n_coordinates, n_dofs):
         raise ValueError("the bodies do not fit the scene")
     return RigidBodies(
-        [one.shape() for one in record.shapes],
+        [shape.shape() for shape in record.shapes],
         arrays["body_masses"],
-        [FixedBody(one.shape.shape(), one.centre, one.orientation) for one in record.fixed],
+        [FixedBody(body.shape.shape(), body.centre, body.orientation) for body in record.fixed],
         inertias=arrays["body_moments"],
         friction=0.0 if record.has_friction else None,
         rolling_axes=record.rolling_axes,

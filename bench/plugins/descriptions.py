@@ -80,10 +80,10 @@ def offers_of_file(file: PluginFile, seconds: float = REQUEST_SECONDS) -> Names:
 
 
 def describe_solver(name: str) -> dict[str, Any]:
-    """Return name, model, source and options of a solver of a plugin.
+    """Return the description of a solver of a plugin: its name, model, source, options and declarations.
 
     Raises:
-        PluginError: if it cannot be created, or violates the interface.
+        PluginError: if the solver cannot be created, or violates the interface.
     """
     return _ask(f"the solver {name!r} cannot be created", PluginError, "solver", name, b"")[0]
 
@@ -108,13 +108,14 @@ def plugin_problem(name: str) -> ContactProblem:
     """Return a problem of a plugin.
 
     Raises:
-        PluginError: if the plugin does not create it.
+        PluginError: if the plugin does not create the problem.
     """
     _, content = _ask(f"the problem {name!r} cannot be built", PluginError, "problem", name)
     return read_problem(io.BytesIO(content), f"problem {name!r}")
 
 
 def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> SolverSpec:
+    """Return the specification of a solver, given by its name or as a pickled object; raise ``error`` on a fault."""
     what = f"the solver {name!r}" if name else "the solver object"
     answer, _ = _ask(f"{what} cannot be created", error, "solver", name, pickled)
     if not name:
@@ -141,17 +142,19 @@ def require_free_name(solver: Solver) -> None:
     """Check that a solver object does not have the name of a built-in solver, unless its class is of this package.
 
     Raises:
-        BenchError: if it is the name of a solver of Proxbench.
+        BenchError: if it has such a name.
     """
     if not _is_of_package(solver):
         _check_name_is_free(solver.name)
 
 
 def _is_of_package(solver: Solver) -> bool:
+    """Return whether the class of a solver is defined in this package."""
     return type(solver).__module__.startswith(_PACKAGE)
 
 
 def _check_name_is_free(name: str) -> None:
+    """Raise ``BenchError`` if a name, without its options, is that of a built-in solver."""
     plain = name.partition("(")[0].strip()
     if registry.is_built_in(plain):
         raise BenchError(f"the solver object has the name {name!r:.200}, which Proxbench itself uses; rename it.")
@@ -168,7 +171,12 @@ def _plain_names(name: str) -> list[str]:
 def _ask(
     failure: str, error: type[ProxbenchError], request: str, *arguments: Any, seconds: float = REQUEST_SECONDS
 ) -> tuple[dict[str, Any], bytes]:
-    """Return the answer of a new process; raise ``error`` if it refuses, and with ``failure`` if it gives no answer."""
+    """Return the answer of a new process.
+
+    Raises:
+        ProxbenchError: of the class ``error``, if the process rejects the request, or with ``failure`` if it gives no
+            answer.
+    """
     with RenewedWorker(DescribingTask(), seconds) as worker:
         try:
             answer, content = worker.ask(request, *arguments)
@@ -182,7 +190,7 @@ def _ask(
 
 @dataclass
 class DescribingTask:
-    """The task of the child: it answers "offers" (file), "solver" (name, pickled object), "problem", "scene" (name)."""
+    """The task of the child. Requests: "offers" (file), "solver" (name, pickled object), "problem", "scene" (name)."""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request; if it raises a ``ProxbenchError``, the answer is {"refused": message}."""
@@ -203,25 +211,28 @@ def _offers(file: PluginFile) -> dict[str, list[str]]:
     forget(file)  # the known names are those of an earlier import of the file
     register(file)
     file.check_offers()
-    found = [offer for offer in all_offers() if offer.file == file]
-    for offer in found:
+    offers = [offer for offer in all_offers() if offer.file == file]
+    for offer in offers:
         if offer.rejection:
             raise PluginError(offer.rejection)
         if offer.kind == "solver":
             registry.create(offer.name)
-    return {kind: [offer.name for offer in found if offer.kind == kind] for kind in KINDS}
+    return {kind: [offer.name for offer in offers if offer.kind == kind] for kind in KINDS}
 
 
 def _solver(name: str, pickled: bytes) -> dict[str, Any]:
     if pickled:
         return _solver_description(_unpickled(pickled), "", [], [])
     solver, offer = registry.create(name), registry.find_offer(name)
-    native = [one.source for one in map(registry.create, registry.native_parts(name)) if isinstance(one, NativeSolver)]
+    native = [
+        part.source for part in map(registry.create, registry.native_parts(name)) if isinstance(part, NativeSolver)
+    ]
     source = offer.source if offer is not None else ", ".join(native)
     return _solver_description(solver, source, option_texts(registry.parse(name).plain), native)
 
 
 def _scene_options(name: str) -> list[str]:
+    """Return the options of a scene of a plugin, as ``"step=0.1"``."""
     offer = plugin_scene(name)
     assert offer is not None
     options = scene_options(offer.load(), f"scene {name!r} of {offer.source}")
@@ -246,6 +257,7 @@ def _solver_description(solver: Solver, source: str, options: list[str], native:
 
 
 def _unpickled(pickled: bytes) -> Any:
+    """Return the solver object of a pickle; raise ``BenchError`` if it cannot be created."""
     try:
         return cloudpickle.loads(pickled)
     except Exception as error:

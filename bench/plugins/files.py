@@ -35,8 +35,9 @@ def use_plugin_files(paths: Sequence[Path | str], seconds: float = REQUEST_SECON
 
 
 def _register_file(file: PluginFile, seconds: float) -> None:
-    before = next(((known, names) for known, names in registered() if known.path == file.path), None)
-    if before is not None and before[0] == file and before[1] is not None:
+    """Register a plugin file with its names; on an error, restore the earlier registration of its path."""
+    earlier = next(((known, names) for known, names in registered() if known.path == file.path), None)
+    if earlier is not None and earlier[0] == file and earlier[1] is not None:
         return
     register(file, {}, runs_here=False)
     try:
@@ -46,8 +47,8 @@ def _register_file(file: PluginFile, seconds: float) -> None:
                 raise PluginError(offer.rejection)
     except PluginError:
         forget(file)
-        if before is not None:
-            register(*before, runs_here=False)
+        if earlier is not None:
+            register(*earlier, runs_here=False)
         raise
 
 

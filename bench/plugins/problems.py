@@ -57,12 +57,12 @@ def store_problems(problems: Iterable[str | ContactProblem], store: Store) -> di
         ProblemError: if a problem cannot be read.
     """
     carried = {}
-    for given in problems:
-        name = given if isinstance(given, str) else given.name
-        if not is_shipped(name) and (not isinstance(given, str) or is_available(given)):
-            problem = resolve_problem(given)
-            store.write_problem(problem)
-            carried[name] = problem.digest
+    for problem in problems:
+        name = problem if isinstance(problem, str) else problem.name
+        if not is_shipped(name) and (not isinstance(problem, str) or is_available(problem)):
+            resolved = resolve_problem(problem)
+            store.write_problem(resolved)
+            carried[name] = resolved.digest
     return carried
 
 

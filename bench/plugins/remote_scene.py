@@ -37,6 +37,7 @@ from .scene_arrays import (
 from .scene_task import NUMBER, SAME_FIELDS, ObservableRecord, SceneRecord, SceneTask
 
 T = TypeVar("T")
+"""The result of reading an answer."""
 
 
 class FailedSceneError(BenchError):
@@ -116,12 +117,12 @@ class RemoteSystem(RenewedWorker):
         )
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
-        """Return q after a motion of ``seconds`` [s] with the velocity u."""
+        """Return the coordinates after a motion of ``seconds`` [s] from ``position`` with ``velocity``."""
         shape = position.shape
         return self._read(lambda arrays: checked_array(arrays["position"], shape), "move", position, velocity, seconds)
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
-        """Return the quantities of a step at the midpoint q_M, as ``System.assemble`` does."""
+        """Return the quantities of a step of ``seconds`` [s] at the midpoint q_M, as ``System.assemble`` does."""
 
         def read(arrays: Arrays) -> StepAssembly:
             free_motion = finite_numbers(arrays["free_motion"], velocity.shape)
@@ -136,7 +137,7 @@ class RemoteSystem(RenewedWorker):
         return FailedSceneError(f"scene {self._name}: {reason}.")
 
     def _read(self, read: Callable[[Arrays], T], request: str, *arguments: Any) -> T:
-        """Return the result of ``read`` on the arrays of an answer."""
+        """Return the result of ``read`` for the arrays of an answer; if they are malformed, end the process."""
         _, content = self.ask(request, *arguments)
         try:
             return read(unpacked(content))
@@ -145,6 +146,7 @@ class RemoteSystem(RenewedWorker):
             raise self.failure(invalid_answer_fault()) from None
 
     def _number(self, request: str, *arguments: Any) -> float:
+        """Return the value of a scalar function of the scene."""
         _, content = self.ask("number", request, *arguments)
         if len(content) != NUMBER.size:
             raise self.failure(invalid_answer_fault())

@@ -114,11 +114,11 @@ class RemoteSolver(RenewedWorker):
             max_seconds: time limit of the solve [s].
 
         Raises:
-            FailedSolveError: if it does not answer.
+            FailedSolveError: if the solver does not answer.
         """
         if np.isinf(self._limit_seconds):
-            more_seconds = max_seconds if np.isfinite(max_seconds) else 0.0
-            return self.ask(request, *arguments, seconds=self.seconds + more_seconds)
+            solve_seconds = max_seconds if np.isfinite(max_seconds) else 0.0
+            return self.ask(request, *arguments, seconds=self.seconds + solve_seconds)
         limit = min(self._limit_seconds, max_seconds)
         try:
             return self.ask(request, *arguments, seconds=limit + GRACE_SECONDS)
@@ -143,6 +143,7 @@ class RemoteSolver(RenewedWorker):
         super().close()
 
     def _send(self, problem: ContactProblem) -> None:
+        """Send a problem to the process, unless it is the last one sent."""
         if self._sent is not problem:
             self._ready = None
             self.ask("problem", problem_bytes(problem))
@@ -188,7 +189,7 @@ def answer_fault(answer: dict[str, Any]) -> str | None:
 
 def are_iterations(shown: Any) -> bool:
     """Return whether ``shown`` is a list of valid iteration numbers."""
-    return isinstance(shown, list) and all(type(one) is int and 0 <= one <= MAX_ITERATIONS for one in shown)
+    return isinstance(shown, list) and all(type(number) is int and 0 <= number <= MAX_ITERATIONS for number in shown)
 
 
 @dataclass
@@ -219,8 +220,8 @@ class SolvingTask:
         if request == "impulses":
             content, self._impulses = self._impulses, b""
             return {}, content
-        answered: tuple[dict[str, Any], bytes] = getattr(self, f"_{request}")(self._solver, self._problem, *arguments)
-        return answered
+        result: tuple[dict[str, Any], bytes] = getattr(self, f"_{request}")(self._solver, self._problem, *arguments)
+        return result
 
     def _supports(self, solver: Solver, problem: ContactProblem) -> tuple[dict[str, Any], bytes]:
         reason = solver.supports(problem)
@@ -255,10 +256,10 @@ class SolvingTask:
                 raise MisbehaviourError(f"it passed impulses of shape {shape} to its observer, not (n_rows,)")
 
         digest = problem.digest
-        left, began = stop.max_seconds - (self._prepare_seconds if has_one_limit else 0.0), perf_counter()
-        if left > 0.0:
-            own_stop = replace(stop, max_seconds=left)
-            solution = self._prepared.solve(own_stop, start=start, observe=record if is_observed else None)
+        remaining, began = stop.max_seconds - (self._prepare_seconds if has_one_limit else 0.0), perf_counter()
+        if remaining > 0.0:
+            remaining_stop = replace(stop, max_seconds=remaining)
+            solution = self._prepared.solve(remaining_stop, start=start, observe=record if is_observed else None)
         else:
             solution = Solution(np.zeros(problem.n_rows), Status.TIME_LIMIT, 0, LATE_PREPARING)
         late = late_reason(self._prepare_seconds + perf_counter() - began, stop.max_seconds) if has_one_limit else ""
@@ -307,8 +308,8 @@ def open_solver(solver: SolverSpec, limit_seconds: float = np.inf) -> Iterator[S
 
 
 def _create_solver(solver: SolverSpec, seconds: float = REQUEST_SECONDS, limit_seconds: float = np.inf) -> Solver:
+    """Return a built-in solver itself, any other solver in a separate process."""
     if solver.is_built_in:
         return solver.make()
-    return cast(
-        Solver, RemoteSolver(solver, seconds, limit_seconds=limit_seconds)
-    )  # has_iterates may be an attribute of the object
+    remote = RemoteSolver(solver, seconds, limit_seconds=limit_seconds)
+    return cast(Solver, remote)  # a solver may have has_iterates as an attribute instead of a property

@@ -18,6 +18,7 @@ from ...problems.motion.bodies.system import ActiveContacts
 from ...problems.motion.state import State
 
 Arrays = dict[str, NDArray[Any]]
+"""Arrays by name."""
 
 T = TypeVar("T")
 
@@ -33,7 +34,7 @@ SPARSE_PARTS = ("data", "indices", "indptr")
 
 def plain_copy(value: T, kind: type[T]) -> T:
     """Return a dataclass instance with plain numbers, as a ``kind`` rather than a subclass defined by a plugin."""
-    values = {one.name: np.asarray(getattr(value, one.name)).tolist() for one in fields(kind)}  # type: ignore[arg-type]
+    values = {field.name: np.asarray(getattr(value, field.name)).tolist() for field in fields(kind)}  # type: ignore[arg-type]
     return kind(**values)
 
 
@@ -96,7 +97,7 @@ def checked_array(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
 
 
 def finite_numbers(values: NDArray[Any], shape: tuple[int, ...]) -> FloatArray:
-    """Return a finite array, or raise ``ValueError``; see ``checked_array``."""
+    """Return an array, or raise ``ValueError`` if its shape or type is wrong or a number is not finite."""
     if not np.isfinite(checked_array(values, shape)).all():
         raise ValueError("an array is not finite")
     return values
@@ -130,8 +131,8 @@ def _read_pieces(arrays: Arrays, n_dofs: int) -> Pieces:
     starts, chunks, values = arrays["starts"], arrays["chunks"], arrays["values"]
     if starts.dtype != np.int64 or chunks.dtype != np.int64 or starts.ndim != 1 or chunks.ndim != 1 or values.ndim != 3:
         raise ValueError("the pieces have the wrong shape or type")
-    n_chunks, rest = divmod(n_dofs, values.shape[2])
-    fits = starts[0] == 0 and starts[-1] == len(chunks) and (np.diff(starts) >= 0).all() and not rest
+    n_chunks, remainder = divmod(n_dofs, values.shape[2])
+    fits = starts[0] == 0 and starts[-1] == len(chunks) and (np.diff(starts) >= 0).all() and not remainder
     if not fits or (chunks < 0).any() or (chunks > n_chunks).any() or values[chunks == n_chunks].any():
         raise ValueError("the pieces do not fit the system")
     return Pieces(starts, chunks, finite_numbers(values, (len(chunks), *values.shape[1:])), n_chunks)

@@ -66,7 +66,7 @@ _FUNCTIONS: tuple[Literal["potential_energy", "exact"], ...] = ("potential_energ
 """Optional functions of a scene."""
 
 _SEPARATE_FIELDS = {"balls", "bodies", "observables"}
-"""Fields of the record whose values are not those of the scene."""
+"""Fields of the record that are converted from those of the scene."""
 
 SAME_FIELDS = tuple(set(SceneRecord.__struct_fields__) & set(Scene.__dataclass_fields__) - _SEPARATE_FIELDS)
 """Fields of the record that are equal to those of the scene."""
@@ -74,7 +74,12 @@ SAME_FIELDS = tuple(set(SceneRecord.__struct_fields__) & set(Scene.__dataclass_f
 
 @dataclass
 class SceneTask:
-    """The task of the child: it answers "describe", "move", "assemble", "number", "ending" and "exact"."""
+    """The task of the child, which answers "describe", "move", "assemble", "number", "ending" and "exact".
+
+    Attributes:
+        name: name of the scene, with or without options.
+        options: additional options.
+    """
 
     name: str
     options: dict[str, Any]
@@ -103,6 +108,7 @@ class SceneTask:
         return {}, packed(getattr(self, f"_{request}")(self._scene.system, *arguments))
 
     def _number(self, scene: Scene, name: str, *arguments: Any) -> float:
+        """Return an energy, given by the name of its function, or an observable, given by its index."""
         if name != "observe":
             return float(getattr(scene, name)(*arguments))
         index, position, velocity = arguments
@@ -125,8 +131,8 @@ def _describe(scene: Scene) -> SceneRecord:
         balls=None if scene.balls is None else describe_balls(scene.balls),
         bodies=None if scene.bodies is None else describe_bodies(scene.bodies),
         observables=[
-            ObservableRecord(**{name: getattr(one, name) for name in ObservableRecord.__struct_fields__})
-            for one in scene.observables
+            ObservableRecord(**{name: getattr(observable, name) for name in ObservableRecord.__struct_fields__})
+            for observable in scene.observables
         ],
         ending_seconds=None if scene.ending is None else scene.ending.seconds,
         functions=[name for name in _FUNCTIONS if getattr(scene, name) is not None],

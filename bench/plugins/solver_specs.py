@@ -30,8 +30,8 @@ class SolverSpec:
         has_iterates: whether its iterates can be observed.
         source: its plugin, for messages; empty for a built-in solver and for an object.
         pickled: a pickled object of the caller; empty if the name suffices to create the solver.
-        is_randomised: whether it declares that its answers differ between repeats.
-        threads: number of threads that it uses.
+        is_randomised: whether the solver declares that its answers differ between repeats.
+        threads: number of threads that it declares.
         files: the files in other languages that it needs, with their digests.
         starts_warm: whether it starts from its own answer to the previous step.
     """
@@ -65,12 +65,12 @@ class SolverSpec:
         """Return the solver; in the judging process, call this only for built-in solvers.
 
         Raises:
-            ProxbenchError: if its class or one of its files has changed.
+            ProxbenchError: if the solver no longer exists, or one of its files has changed.
             Exception: any error of the caller's code.
         """
         check_unchanged(self.files)
-        made: Solver = cloudpickle.loads(self.pickled) if self.pickled else registry.create(self.name)
-        return made
+        solver: Solver = cloudpickle.loads(self.pickled) if self.pickled else registry.create(self.name)
+        return solver
 
 
 def built_in(name: str) -> SolverSpec:
@@ -104,19 +104,19 @@ def pickle_solver(solver: Any) -> bytes:
         BenchError: if the object or its class cannot be pickled.
     """
     module = sys.modules.get(type(solver).__module__)
-    by_value = module is not None and module.__name__ != "__main__" and not _is_importable(module.__name__)
+    is_by_value = module is not None and module.__name__ != "__main__" and not _is_importable(module.__name__)
     try:
-        if by_value:
+        if is_by_value:
             cloudpickle.register_pickle_by_value(module)
         return bytes(cloudpickle.dumps(solver))
     except Exception as error:
-        what = f"{type(error).__name__}: {error}"
+        fault = f"{type(error).__name__}: {error}"
         raise BenchError(
-            f"the solver {type(solver).__name__} cannot be sent to the process of its cases ({what:.200}); store "
+            f"the solver {type(solver).__name__} cannot be sent to the process of its cases ({fault:.200}); store "
             "plain options only, or provide its class in a plugin file."
         ) from None
     finally:
-        if by_value:
+        if is_by_value:
             cloudpickle.unregister_pickle_by_value(module)
 
 

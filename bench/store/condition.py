@@ -43,7 +43,7 @@ def drift(frames: RunFrames) -> float:
     With several machines, the ratio is that of the least steady one.
     """
     sessions, rounds = frames.info.sessions, frames.rounds[frames.rounds["excluded"] == ""]
-    hosts_of_rounds = rounds["session"].map(lambda one: sessions[one].machine.host if one < len(sessions) else "")
+    hosts_of_rounds = rounds["session"].map(lambda index: sessions[index].machine.host if index < len(sessions) else "")
     spreads = [
         float(probes.quantile(0.9) / probes.quantile(0.1))
         for _, probes in rounds["probe_seconds"].groupby(hosts_of_rounds)
@@ -64,17 +64,17 @@ def differences(before: Machine, now: Machine) -> list[str]:
 
 
 def hardware_differences(before: Machine, now: Machine, fields: Mapping[str, str] = _HARDWARE) -> list[str]:
-    """Return in words which of the given fields of two machines differ; ``fields`` maps them to names in sentences."""
+    """Return, in words, which of the ``fields`` of two machines differ; ``fields`` maps them to names in sentences."""
     values = ((word, getattr(before, name), getattr(now, name)) for name, word in fields.items())
     return [f"{word} {_short(old)}, now {_short(new)}" for word, old, new in values if old != new]
 
 
 def software_differences(before: Machine, now: Machine) -> list[str]:
-    """Return in words which versions, settings and sources on two machines differ."""
+    """Return, in words, which versions, settings and sources on two machines differ."""
     known = [machine.versions | machine.settings for machine in (before, now)]
-    values = [(name, *(one.get(name) or "none" for one in known)) for name in sorted(set().union(*known))]
-    found = [f"{name} {old}, now {new}" for name, old, new in values if old != new]
-    return [*found, *hardware_differences(before, now, {"source": "source"})]
+    values = [(name, *(versions.get(name) or "none" for versions in known)) for name in sorted(set().union(*known))]
+    texts = [f"{name} {old}, now {new}" for name, old, new in values if old != new]
+    return [*texts, *hardware_differences(before, now, {"source": "source"})]
 
 
 def hosts(frames: RunFrames) -> dict[str, int]:
@@ -92,11 +92,11 @@ def session_differences(frames: RunFrames) -> list[str]:
     groups, fields = [machines], _COMPARED
     if len(hosts(frames)) > 1:
         groups, fields = list(machines_by_problem(frames).values()), {**_COMPARED, "host": "machine"}
-    found = [
+    texts = [
         words for group in groups for machine in group for words in hardware_differences(group[0], machine, fields)
     ]
-    found += [words for machine in machines for words in software_differences(machines[0], machine)]
-    return list(dict.fromkeys(found))
+    texts += [words for machine in machines for words in software_differences(machines[0], machine)]
+    return list(dict.fromkeys(texts))
 
 
 def machines_by_problem(frames: RunFrames) -> dict[str, list[Machine]]:
@@ -104,7 +104,7 @@ def machines_by_problem(frames: RunFrames) -> dict[str, list[Machine]]:
     sessions = frames.info.sessions
     known = frames.rounds[frames.rounds["session"] < len(sessions)].groupby("problem", sort=False)["session"]
     used = {str(name): sorted(map(int, numbers.unique())) for name, numbers in known}
-    return {name: [sessions[one].machine for one in numbers] for name, numbers in used.items()}
+    return {name: [sessions[number].machine for number in numbers] for name, numbers in used.items()}
 
 
 def _short(value: object) -> str:
@@ -121,11 +121,12 @@ def require_comparable(frames: RunFrames) -> None:
 
 
 def _resume_command(frames: RunFrames) -> str:
+    """Return the command that resumes a run."""
     return f"proxbench run --resume {frames.folder}"
 
 
 def unfinished(frames: RunFrames) -> list[str]:
-    """Return the warning that planned cases are missing or measured in part; empty if all are measured.
+    """Return the warning that planned cases are missing or measured in part; an empty list if all are measured.
 
     A case is missing if it was not reached, if its worker was lost, or if its file was deleted or is damaged.
     """
@@ -144,46 +145,46 @@ def unfinished(frames: RunFrames) -> list[str]:
 
 def warnings(frames: RunFrames) -> list[str]:
     """Return the warnings of a run, such as missing cases or an unsteady machine."""
-    found = unfinished(frames)
+    texts = unfinished(frames)
     if len(frames.cases) and not frames.is_study and not frames.cases["n_rows"].any():
-        found.append("EMPTY: no problem of this run has a contact, so nothing was solved; choose other problems")
+        texts.append("EMPTY: no problem of this run has a contact, so nothing was solved; choose other problems")
     if excluded := excluded_points(frames):
         counts = f"{excluded} of {int((frames.points['status'] == Status.SOLVED).sum())} times"
-        found.append(
+        texts.append(
             f"EXCLUDED: {counts} were measured while other programs used the core or its speed changed; they are not "
             f"compared, and marked {EXCLUDED_MARK} in the cells that show them; measure again on a quiet machine"
         )
     if busy_cores(frames.info) > MAX_BUSY_CORES:
-        found.append(
+        texts.append(
             f"BUSY: other programs kept {busy_cores(frames.info):.1f} of the other cores busy while solves were timed; "
             "times are not comparable with those of another run; measure again on a quiet machine"
         )
     if drift(frames) > MAX_DRIFT:
-        found.append(
+        texts.append(
             f"UNSTEADY: the speed of the core changed by a factor of {drift(frames):.2f} during the run; times of "
             "different problems are not comparable; measure again on a quiet machine"
         )
     machines = [frames.info.machine, *(session.machine for session in frames.info.sessions)]
     settings = dict.fromkeys(f"{name}={value}" for machine in machines for name, value in machine.settings.items())
     if settings:
-        found.append(
+        texts.append(
             f"SETTINGS: measured with {', '.join(settings)}, which changes times, by a factor that depends on the "
             "solver; unset it and measure again"
         )
     measured = hosts(frames)
     if len(measured) > 1:
         shares = ", ".join(f"{name or 'unknown'}: {count} problems" for name, count in measured.items())
-        found.append(
+        texts.append(
             f"MACHINES: measured on {len(measured)} machines ({shares}), each problem on one of them; times of "
             "different problems are not comparable"
         )
     mixed = session_differences(frames)
     if mixed:
-        found.append(
+        texts.append(
             f"MIXED: the run was measured in several sessions that differ ({'; '.join(mixed)}); times of different "
             "sessions are not comparable; measure again in a single session"
         )
-    return found
+    return texts
 
 
 def residual_note(frames: RunFrames) -> list[str]:

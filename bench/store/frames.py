@@ -42,7 +42,7 @@ class RunFrames:
     Attributes:
         folder: its folder, or its bundle.
         cases: one row per case: the family of the problem, the scalar fields of ``CaseRecord``, is_finished,
-            and is_tried (whether its whole ladder was measured at least once, or it failed).
+            and is_tried (whether the whole ladder was measured at least once, or the case failed).
         points: one row per ladder point: problem, family, solver, model, the fields of ``Point`` and ``Measured``
             (median times [s] with their quartiles, the numbers of the verdict), and notes.
         rounds: one row per round of a point: problem, solver, tolerance, and the fields of ``Round``.
@@ -102,7 +102,7 @@ class RunFrames:
         kept = msgspec.structs.replace(
             plan,
             problems=[name for name in plan.problems if name in problems],
-            trajectories=[one for one in plan.trajectories if one.name in problems],
+            trajectories=[trajectory for trajectory in plan.trajectories if trajectory.name in problems],
         )
         frames = {name: getattr(self, name) for name in ("cases", "points", "rounds", "iterations", "errors")}
         chosen = {name: frame[frame["problem"].isin(problems)] for name, frame in frames.items()}
@@ -180,6 +180,7 @@ def _pair(case: CaseRecord) -> tuple[str, str]:
 
 
 def _identified(cases: Sequence[CaseRecord]) -> list[tuple[CaseRecord, Point]]:
+    """Return all points, each with its case."""
     return [(case, point) for case in cases for point in case.points]
 
 
@@ -203,34 +204,38 @@ class _Column(NamedTuple):
 
 
 def _frame(kind: type[Record], records: Sequence[Record]) -> pd.DataFrame:
+    """Return one row per record; of several fields with the same name, the first one has the column."""
     columns: dict[str, _Column] = {}
     for column in _columns(kind):
         columns.setdefault(column.name, column)
     return pd.DataFrame(
-        {name: pd.Series([one.value(record) for record in records], dtype=one.dtype) for name, one in columns.items()}
+        {
+            name: pd.Series([column.value(record) for record in records], dtype=column.dtype)
+            for name, column in columns.items()
+        }
     )
 
 
 def _columns(kind: type[Struct], path: tuple[str, ...] = ()) -> Iterator[_Column]:
     """Yield the columns of a record, without lists."""
     for field in msgspec.structs.fields(kind):
-        place = (*path, field.name)
+        field_path = (*path, field.name)
         plain, missing = _plain(field.type)
         if plain is Quartiles:
             for part in msgspec.structs.fields(Quartiles):
                 name = field.name if part.name == "median" else f"{field.name}_{part.name}"
-                yield _Column(name, (*place, part.name), np.float64, np.nan)
+                yield _Column(name, (*field_path, part.name), np.float64, np.nan)
         elif isinstance(plain, type) and issubclass(plain, Record):
-            yield from _columns(plain, place)
+            yield from _columns(plain, field_path)
         elif get_origin(plain) is dict:  # the verdict, whose numbers are those of the judge
             for number in fields(Verdict):
                 if number.name not in NON_NUMERIC_FIELDS:
                     dtype = object if number.type is bool else np.float64
-                    yield _Column(number.name, (*place, number.name), dtype, np.nan)
+                    yield _Column(number.name, (*field_path, number.name), dtype, np.nan)
         elif get_origin(plain) is not list:
             is_inner = bool(path)
             dtypes = {int: np.float64 if is_inner else np.int64, float: np.float64, bool: object if is_inner else bool}
-            yield _Column(field.name, place, dtypes.get(plain, str), missing)
+            yield _Column(field.name, field_path, dtypes.get(plain, str), missing)
 
 
 def _plain(hint: Any) -> tuple[Any, float]:
@@ -241,7 +246,7 @@ def _plain(hint: Any) -> tuple[Any, float]:
             hint, *notes = get_args(hint)
             missing = next((note.extra["none"] for note in notes if note.extra), missing)
         elif type(None) in get_args(hint):
-            hint = next(one for one in get_args(hint) if one is not type(None))
+            hint = next(option for option in get_args(hint) if option is not type(None))
         else:
             break
     return hint, missing
@@ -251,14 +256,15 @@ def _parts(
     points: Sequence[tuple[CaseRecord, Point]], kind: type[Record], parts: Callable[[Point], Sequence[Record]]
 ) -> pd.DataFrame:
     """Return one row per record of a kind in the points; its first columns are problem, solver and tolerance."""
-    found = [(case, point, part) for case, point in points for part in parts(point)]
-    identity = {name: [getattr(case, name) for case, _, _ in found] for name in ("problem", "solver")}
-    names = pd.DataFrame({**identity, "tolerance": [point.tolerance for _, point, _ in found]})
+    rows = [(case, point, part) for case, point in points for part in parts(point)]
+    identity = {name: [getattr(case, name) for case, _, _ in rows] for name in ("problem", "solver")}
+    names = pd.DataFrame({**identity, "tolerance": [point.tolerance for _, point, _ in rows]})
     names = names.astype({"problem": str, "solver": str, "tolerance": np.float64})
-    return pd.concat([names, _frame(kind, [part for _, _, part in found])], axis=1)
+    return pd.concat([names, _frame(kind, [part for _, _, part in rows])], axis=1)
 
 
 def _iterations(cases: Sequence[CaseRecord]) -> pd.DataFrame:
+    """Return the convergence curves, as in ``RunFrames``."""
     rows = [
         (case.problem, case.solver, iteration, number_of(residual))
         for case in cases

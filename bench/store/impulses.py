@@ -54,13 +54,13 @@ class Impulses(Record, frozen=True, kw_only=True):
 
 
 def worst(answers: Iterable[Impulses]) -> list[Impulses]:
-    """Return the worst impulses under Coulomb's law and under the solver's model: one if they are the same.
+    """Return the worst impulses under Coulomb's law and under the solver's model; one item if they are the same.
 
     Among equal residuals, the first counts.
     """
-    kept = list(answers)
-    if not kept:
+    candidates = list(answers)
+    if not candidates:
         return []
-    under_coulomb = max(kept, key=lambda one: number_of(one.residual))
-    under_model = max([under_coulomb, *kept], key=lambda one: number_of(one.model_residual))
+    under_coulomb = max(candidates, key=lambda answer: number_of(answer.residual))
+    under_model = max([under_coulomb, *candidates], key=lambda answer: number_of(answer.model_residual))
     return [under_coulomb] if under_model is under_coulomb else [under_coulomb, under_model]

@@ -20,11 +20,11 @@ MIN_NOTED = 3
 """Least number of undisturbed first solves, or of undisturbed copies, for a note."""
 
 LOCAL_RATIO = 100.0
-"""Ratio of the local to the judged residual above which fast contacts hide the violations of the others."""
+"""Ratio of the local to the judged residual above which fast contacts hide the violations of other contacts."""
 
 
 def hides_contacts(judged: FloatArray | float, local: FloatArray | float) -> NDArray[np.bool_]:
-    """Return whether fast contacts hide the violations of others: the local residuals far exceed the judged ones."""
+    """Return whether fast contacts hide the violations of other contacts: local residuals far exceed judged ones."""
     return np.greater(local, np.maximum(ROUNDING, np.multiply(LOCAL_RATIO, judged)))
 
 
@@ -39,17 +39,18 @@ def notes_of(case: CaseRecord, point: Point) -> str:
 
 
 def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
+    """Yield the notes about a measured point."""
     if measured.is_excluded and Outcome.TIME_LIMIT in (point.outcome, point.status):
         yield "the time limit was reached while other programs used the core"
-    if any(one.uncounted_seconds for one in measured.rounds):
+    if any(timed.uncounted_seconds for timed in measured.rounds):
         yield "times are those of one call of the library, without preparation"
     judged, local = number_of(measured.residual), number_of(measured.verdict.get("local_residual", 0.0))
     if hides_contacts(judged, local):
-        times = f"{local / judged:.2g} times the judged one" if judged > 0.0 else f"{local:.2g}, the judged one 0"
-        yield f"the local residual is {times}"
+        size = f"{local / judged:.2g} times the judged one" if judged > 0.0 else f"{local:.2g}, the judged one 0"
+        yield f"the local residual is {size}"
     if measured.answers > 1 and not case.is_randomised:
-        least = "at least " if measured.answers == MAX_ANSWERS else ""
-        yield f"{least}{measured.answers} different answers in {measured.repeats} solves"
+        prefix = "at least " if measured.answers == MAX_ANSWERS else ""
+        yield f"{prefix}{measured.answers} different answers in {measured.repeats} solves"
     for name, seconds, repeated_seconds in (
         ("first solves", measured.first_seconds, measured.first_repeated_seconds),
         ("copies of the problem", measured.copy_seconds, measured.copy_repeated_seconds),

@@ -56,13 +56,13 @@ class Cell:
     """The result of one solver on one problem.
 
     Attributes:
-        problem: name.
-        solver: name, with options.
+        problem: name of the problem.
+        solver: name of the solver, with options.
         outcome: the outcome.
         residual: judged residual under Coulomb's law; NaN without impulses.
-        model_residual: judged residual under the solver's own model.
+        model_residual: judged residual under the solver's own model; NaN without impulses.
         iterations: number of iterations.
-        reason: why it is not solved; empty if it is solved.
+        reason: why the problem is not solved; empty if it is solved.
         is_finite: whether all impulses are finite numbers.
         answer_error: largest relative error of the known parts of the solution; None if nothing is known.
     """
@@ -79,7 +79,7 @@ class Cell:
 
 
 def verdicts(problem: ContactProblem, impulses: FloatArray, model: Model) -> tuple[Verdict, Verdict]:
-    """Judge impulses [N s] under a solver's own model and under Coulomb's law."""
+    """Return the verdicts on impulses [N s], shape (n_rows,), under a solver's own model and under Coulomb's law."""
     coulomb = judge(problem, impulses)
     return (coulomb if model == Model.COULOMB else judge(problem, impulses, model)), coulomb
 

@@ -54,6 +54,7 @@ class Limits(Struct, frozen=True):
 
 
 def _require_number(name: str, value: object) -> None:
+    """Raise ``BenchError`` if a setting is not a real number."""
     if not isinstance(value, Real):
         raise BenchError(f"`{name}` must be a number, got {value!r:.60}.")
 
@@ -125,7 +126,7 @@ class MethodRecord(Record, frozen=True, kw_only=True):
     Attributes:
         name: name of the combination.
         values: the ladder: step sizes [s] or tolerances.
-        tolerance: tolerance of the solver if ``values`` are those of the stepper.
+        tolerance: tolerance of the solver, unless ``values`` are its tolerances.
         max_iterations: limit of iterations of one solve.
         start: initial impulses of each solve, by name.
     """
@@ -151,8 +152,8 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
     Attributes:
         name: the scene with its options.
         duration: simulated time [s].
-        members: seeds of the scene if aggregates are compared, else factors of steps or tolerances.
-        error: kind of the error.
+        members: seeds of the scene if aggregates are compared, else factors on steps or tolerances.
+        error: kind of the error that is measured.
         reference: method that simulates the reference, with one value; None if the end of the motion is known.
         known: the simulated part of the reference, or the known end.
         scale: scale by which differences from the known end are divided.
@@ -173,7 +174,7 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
     displacement: Number | None = msgspec.field(default=None, name="way")
 
     def __post_init__(self) -> None:
-        if len({tuple(sorted(one.values)) for one in self.known if not one.failure}) > 1:
+        if len({tuple(sorted(member.values)) for member in self.known if not member.failure}) > 1:
             raise ValueError("the members of its reference have values of different names")
 
 
@@ -204,7 +205,7 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
     shard: Annotated[str, Meta(pattern="^([1-9][0-9]{0,4}/[1-9][0-9]{0,4})?$")] = ""
 
     def __post_init__(self) -> None:
-        names = [one.name for one in self.trajectories], [method.name for method in self.methods]
+        names = [trajectory.name for trajectory in self.trajectories], [method.name for method in self.methods]
         if any(names) and names != (self.problems, self.solvers):
             raise ValueError("its names differ from those of its trajectories and methods")
 

@@ -125,6 +125,7 @@ class QuantityError(Record, frozen=True, kw_only=True):
 
 
 Excluded = Literal["", "preempted", "unsteady"]
+"""Why a round is excluded; empty if it is counted."""
 
 
 class Round(Record, frozen=True, kw_only=True):
@@ -143,7 +144,7 @@ class Round(Record, frozen=True, kw_only=True):
         involuntary_switches: context switches that preempted the process.
         voluntary_switches: context switches in which the process slept or waited.
         waited_seconds: time for which the process was ready to run but did not run [s]; None if unknown.
-        probe_seconds: longer one of the probes of the core before and after the round [s].
+        probe_seconds: longer of the probes of the core before and after the round [s].
         uncounted_seconds: wall time of all solves together outside the library of an external solver, if only the
             library is timed [s].
         excluded: "preempted" or "unsteady" if other programs used the core; empty otherwise.
@@ -172,7 +173,7 @@ class Measured(Record, frozen=True, kw_only=True):
     Attributes:
         iterations: iterations of a timed solve, observed if possible; of a trajectory, the number of solved one-step
             inclusions, median over its members.
-        claimed_iterations: iterations of that solve as the solver reports them; None if they are not observed.
+        claimed_iterations: iterations of that solve as the solver reports them; None if they equal ``iterations``.
         residual: judged residual under Coulomb's law; of a trajectory, its largest error.
         model_residual: judged residual under the solver's own model.
         prepare_seconds, solve_seconds, total_seconds: wall times of preparing, solving and both [s], quartiles of the
@@ -230,9 +231,9 @@ class Point(Record, frozen=True, kw_only=True):
     Attributes:
         tolerance: tolerance of the solver, or value of the ladder of a stepper with a solver.
         outcome: the outcome.
-        status: status that the solver returned; empty if it was not attempted.
+        status: status that the solver returned; empty if the point was not attempted.
         reason: reason of the outcome, in words.
-        measured: measurements; None if it was not attempted.
+        measured: measurements; None if the point was not attempted.
     """
 
     tolerance: Tolerance
@@ -243,27 +244,27 @@ class Point(Record, frozen=True, kw_only=True):
 
     @property
     def rounds(self) -> list[Round]:
-        """The rounds in which it was measured."""
+        """The rounds in which the point was measured."""
         return [] if self.measured is None else self.measured.rounds
 
     @property
     def n_passes(self) -> int:
-        """The number of passes that it was measured in."""
-        return len({(one.session, one.number) for one in self.rounds})
+        """Number of passes in which the point was measured."""
+        return len({(timed.session, timed.number) for timed in self.rounds})
 
     @property
     def last_pass(self) -> int:
-        """The number of the last pass that it was measured in; -1 if there is none."""
-        return max((one.number for one in self.rounds), default=-1)
+        """Number of the last pass in which the point was measured; -1 if there is none."""
+        return max((timed.number for timed in self.rounds), default=-1)
 
     @property
     def is_late_under_load(self) -> bool:
-        """Whether the time limit was reached in excluded rounds only, so that it may be measured again."""
+        """Whether the time limit was reached in excluded rounds only, so that the point may be measured again."""
         return self.outcome is Outcome.TIME_LIMIT and self.measured is not None and self.measured.is_excluded
 
     @property
     def is_repeated(self) -> bool:
-        """Whether it is measured in several rounds, as solved points within the time limit are."""
+        """Whether the point is measured in several rounds, as solved points within the time limit are."""
         return bool(self.rounds) and self.status == Outcome.SOLVED and self.outcome is not Outcome.TIME_LIMIT
 
 
@@ -271,12 +272,12 @@ class CaseRecord(Record, frozen=True, kw_only=True):
     """One solver, or stepper with a solver, on one problem.
 
     Attributes:
-        problem: name.
+        problem: name of the problem.
         digest: SHA-256 of the problem's numbers.
         start: digest of the earlier steps and the contacts that a warm start continues; empty for a start from zero,
             and in runs that were stored before it was recorded. Cases of one solver are comparable only if both digests
             are equal.
-        solver: name, with options.
+        solver: name of the solver, with options.
         model: model that the solver solves.
         has_iterates: whether the solver has observable iterates.
         is_randomised: whether the solver declares that its answers differ between repeats.
@@ -333,12 +334,12 @@ class CaseRecord(Record, frozen=True, kw_only=True):
 
 
 def with_sessions(case: CaseRecord, places: Sequence[int]) -> CaseRecord:
-    """Return a case with its sessions renumbered: ``places[i]`` instead of i."""
+    """Return a case with the sessions of its rounds renumbered: ``places[i]`` instead of i."""
 
-    def moved(point: Point) -> Point:
+    def renumbered(point: Point) -> Point:
         if point.measured is None:
             return point
-        rounds = [replace(one, session=places[one.session]) for one in point.rounds]
+        rounds = [replace(timed, session=places[timed.session]) for timed in point.rounds]
         return replace(point, measured=replace(point.measured, rounds=rounds))
 
-    return replace(case, points=[moved(point) for point in case.points])
+    return replace(case, points=[renumbered(point) for point in case.points])

@@ -44,7 +44,11 @@ MAX_FILE_BYTES = 2**28
 
 @dataclass(frozen=True)
 class Store:
-    """The folder of one run."""
+    """The folder of one run.
+
+    Attributes:
+        folder: path of the folder.
+    """
 
     folder: Path
     _written: dict[Path, bytes] = field(default_factory=dict, compare=False, repr=False)
@@ -76,40 +80,40 @@ class Store:
         return Store(folder)
 
     def require_new(self) -> None:
-        """Raise ``BenchError`` if the folder contains anything besides the folders of cases and problems."""
-        own = (self._cases, self._problems)
-        if any(entry not in own and entry.suffix != PART for entry in self.folder.iterdir()):
+        """Raise ``BenchError`` if the folder contains more than the two subfolders and temporary files."""
+        subfolders = (self._cases, self._problems)
+        if any(entry not in subfolders and entry.suffix != PART for entry in self.folder.iterdir()):
             raise BenchError(f"{self.folder} exists already; continue it with `resume`, or choose another `run_id`.")
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Lock the run against other writers, and remove the temporary files of one that was killed.
+        """Lock the run against other writers, and remove the temporary files of a writer that was killed.
 
         The operating system releases the lock when the process ends.
 
         Raises:
             BenchError: if another process is writing to the run, or a link leads out of its folder.
         """
-        for place in (self._cases, self._problems):
-            check_links_inside(place, self.folder)
+        for path in (self._cases, self._problems):
+            check_links_inside(path, self.folder)
         try:
-            folder = os.open(self._cases, os.O_RDONLY)
+            descriptor = os.open(self._cases, os.O_RDONLY)
         except OSError as error:
             raise BenchError(f"cannot read {self._cases}: {error.strerror}; the run is damaged.") from None
         try:
             try:
-                fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise BenchError(f"another process is writing to {self.folder}; wait until it has ended.") from None
             except OSError:
                 pass  # a file system without locks
-            for place in (self.folder, self._cases, self._problems):
-                for part in place.glob(f".*{PART}"):
+            for path in (self.folder, self._cases, self._problems):
+                for temporary_file in path.glob(f".*{PART}"):
                     with suppress(OSError):
-                        part.unlink()
+                        temporary_file.unlink()
             yield
         finally:
-            os.close(folder)
+            os.close(descriptor)
 
     @property
     def _cases(self) -> Path:
@@ -171,7 +175,7 @@ class Store:
         """Rewrite files that were deleted or changed after this process wrote them, for example by a plugin.
 
         Raises:
-            BenchError: if one cannot be written.
+            BenchError: if a file cannot be written.
         """
         for path, content in self._written.items():
             with suppress(OSError):

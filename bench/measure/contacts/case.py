@@ -51,7 +51,7 @@ MAX_EXCLUDED_SECONDS = 0.2
 """Wall time of the excluded rounds of a point in a pass after which no other round follows [s]."""
 
 MAX_RESTS = 20
-"""Largest number of pauses in which processes of a solver may end; if one still runs then, the solver misbehaved."""
+"""Largest number of pauses in which processes of a solver may end; a solver misbehaved if one runs afterwards."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +89,14 @@ class Case(LadderCase[MeasuredRound]):
         case_pass: CasePass,
         before: Predecessors = NO_PREDECESSORS,
     ) -> None:
-        """Store the plan of the case and its previous measurements."""
+        """Store the plan of the case and its previous measurements.
+
+        ``problem_data`` is a file content of the problem without its name, and ``before`` the steps of a warm start.
+        """
         super().__init__(ladder, limits, stored, case_pass)
         self.problem, self.solver, self._data = problem, solver, problem_data
         self.is_built_in = solver.is_built_in
-        self._observed = next(filter(None, map(_stored_contradiction, self.points)), None)
+        self._contradiction = next(filter(None, map(_stored_contradiction, self.points)), None)
         self._controls = Controls(problem, warm_up_data(problem), solver, limits)
         self._before = before
         self._starts = Starts(before.steps if solver.starts_warm else (), problem, self._controls)
@@ -132,16 +135,16 @@ class Case(LadderCase[MeasuredRound]):
     def _observe(self, stop: Stop) -> None:
         """Measure the convergence curve."""
         try:
-            seen = self._ask("observe", stop, self._starts.impulses(stop))
+            result = self._ask("observe", stop, self._starts.impulses(stop))
         except Fault as fault:
             self._fail(fault)
             return
-        if seen:
-            self._curve = self._judged_curve(*seen)
-            self._observed = _observed_contradiction(seen[0])
+        if result:
+            self._curve = self._judged_curve(*result)
+            self._contradiction = _observed_contradiction(result[0])
 
     def pin_to_core(self, core: MeasuringCore) -> None:
-        """Pin its processes to a core from now on."""
+        """Pin the processes of the case to a core from now on."""
         super().pin_to_core(core)
         self._controls.pin_to_core(core)
 
@@ -150,28 +153,31 @@ class Case(LadderCase[MeasuredRound]):
         self._ask("compare")
 
     def dismiss(self) -> None:
-        """Ask its processes to end."""
+        """Ask the processes of the case to end."""
         self._controls.dismiss()
         super().dismiss()
 
     def end(self) -> None:
-        """End its processes."""
+        """End the processes of the case."""
         self._controls.close()
         super().end()
 
     def _ask(
         self, request: str, *arguments: Any, largest: int = MAX_CONTENT_BYTES
     ) -> tuple[dict[str, Any], FloatArray] | None:
-        """Return the answer of the process after everything that it started has ended, except its executables."""
-        found, kept = super()._ask(request, *arguments, largest=largest), self.solver.n_processes
+        """Return the answer, after the processes that the solver started have ended; None if the case failed.
+
+        Executables of the solver may keep running.
+        """
+        answer, n_kept = super()._ask(request, *arguments, largest=largest), self.solver.n_processes
         for _ in range(MAX_RESTS):
-            if found is None or self._worker is None or self._worker.n_started() <= kept:
-                return found
-            found = super()._ask("rest") and found
-        left = 0 if self._worker is None else self._worker.n_started() - kept
-        if left:
-            self._fail(Fault(Outcome.MISBEHAVED, f"it leaves {counted(left, 'process', 'processes')} running"))
-        return None if left else found
+            if answer is None or self._worker is None or self._worker.n_started() <= n_kept:
+                return answer
+            answer = super()._ask("rest") and answer
+        n_left = 0 if self._worker is None else self._worker.n_started() - n_kept
+        if n_left:
+            self._fail(Fault(Outcome.MISBEHAVED, f"it leaves {counted(n_left, 'process', 'processes')} running"))
+        return None if n_left else answer
 
     def _fail(self, fault: Fault) -> None:
         """End the case, and discard the measurements of a solver that misbehaved."""
@@ -185,15 +191,15 @@ class Case(LadderCase[MeasuredRound]):
         try:
             start = self._starts.impulses(stop)
             worked = 0.0 if self._worker is None else self._worker.processor_seconds()
-            found = self._timed_round(TimedRound, number, "round", stop, ROUND_SECONDS, start)
-            if found is None or self._worker is None:
+            result = self._timed_round(TimedRound, number, "round", stop, ROUND_SECONDS, start)
+            if result is None or self._worker is None:
                 return None
-            timed, record, numbers = found
+            timed, record, numbers = result
             self._threads_used = max(self._threads_used, timed.threads_used(self.threads))
             worked = self._worker.processor_seconds() - worked
             impulses = self._answers(timed, numbers)
-            if not record.excluded and (uncounted := self._clock.fault(timed, worked)):
-                raise Fault(Outcome.MISBEHAVED, uncounted)
+            if not record.excluded and (clock_fault := self._clock.fault(timed, worked)):
+                raise Fault(Outcome.MISBEHAVED, clock_fault)
         except Fault as fault:
             self._fail(fault)
             return None
@@ -216,18 +222,18 @@ class Case(LadderCase[MeasuredRound]):
     def needs_round(self, answers: Sequence[MeasuredRound]) -> bool:
         """Return whether a point needs another round, because too few are counted; a failed solve is not repeated."""
         last = answers[-1]
-        excluded = [one.record.wall_seconds for one in answers if one.record.excluded]
+        excluded = [answer.record.wall_seconds for answer in answers if answer.record.excluded]
         if len(excluded) >= MAX_EXCLUDED or sum(excluded) > MAX_EXCLUDED_SECONDS or last.timed.status != Status.SOLVED:
             return False
-        wanted = ROUNDS if last.record.wall_seconds < ENOUGH_SECONDS else 1
-        return len(answers) - len(excluded) < wanted
+        n_needed = ROUNDS if last.record.wall_seconds < ENOUGH_SECONDS else 1
+        return len(answers) - len(excluded) < n_needed
 
     def point(self, value: float, answers: list[MeasuredRound]) -> Point:
         """Judge the impulses of all solves, and return the point with the worst verdict."""
         last = answers[-1].timed
         rows = [impulses for answer in answers for impulses in answer.impulses]
-        found = judge_answers(self.problem, self.solver.model, value, last.status, rows)
-        outcome = found.outcome
+        judged = judge_answers(self.problem, self.solver.model, value, last.status, rows)
+        outcome = judged.outcome
         reason = last.message[:MAX_REASON_LENGTH] or ("" if last.status is Status.SOLVED else last.status.sentence)
         valid = [answer for answer in answers if not answer.record.excluded] or answers
         totals = np.concatenate([answer.timed.totals for answer in valid])
@@ -236,19 +242,19 @@ class Case(LadderCase[MeasuredRound]):
             outcome, reason = Outcome.TIME_LIMIT, late
         iterations = self._true_iterations(last.iterations)
         rounds = [answer.record for answer in answers]
-        hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in found.claims][:MAX_ANSWERS]
+        hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in judged.claims][:MAX_ANSWERS]
         measured = Measured(
             iterations=iterations,
             claimed_iterations=None if iterations == last.iterations else last.iterations,
-            residual=found.coulomb.residual,
-            model_residual=found.own.residual,
+            residual=judged.coulomb.residual,
+            model_residual=judged.own.residual,
             **times_from_rounds(rounds),
             rounds=rounds,
             answers=len(hashes),
             hashes=hashes,
-            verdict=found.coulomb.numbers(),
-            impulses=found.kept,
-            impulse_error=found.impulse_error(self.problem),
+            verdict=judged.coulomb.numbers(),
+            impulses=judged.kept,
+            impulse_error=judged.impulse_error(self.problem),
         )
         return Point(tolerance=value, outcome=outcome, status=last.status.value, reason=reason, measured=measured)
 
@@ -262,7 +268,8 @@ class Case(LadderCase[MeasuredRound]):
     def add_point(self, level: int, answers: list[MeasuredRound]) -> None:
         """Add one point of the ladder, and check its times by first solves in fresh processes.
 
-        In later passes, check them only if the new rounds do not explain the time of the earlier first solves.
+        In later passes, check them only if the new rounds do not explain the time of the earlier first solves. At one
+        random level, compare them with solves of copies as well, unless the solver starts warm.
         """
         super().add_point(level, answers)
         self.points = keep_finest_impulses(self.points)
@@ -271,13 +278,13 @@ class Case(LadderCase[MeasuredRound]):
         needs_control = point.is_repeated and point.outcome is not Outcome.WRONG and self.problem.n_rows
         if measured is None or not needs_control:
             return
-        kept = [one for one in answers if not one.record.excluded] or answers
-        seconds = float(np.median([one.timed.undisturbed_seconds for one in kept]))
+        kept = [answer for answer in answers if not answer.record.excluded] or answers
+        seconds = float(np.median([answer.timed.undisturbed_seconds for answer in kept]))
         try:
             if level == self._copied_level and not self.solver.starts_warm:  # no start suits a copy
                 point = self._compared_with_copies(point, measured, seconds)
-            known = measured.first_seconds
-            is_controlled = bool(known) and is_explained(seconds, min(known))
+            first_seconds = measured.first_seconds
+            is_controlled = bool(first_seconds) and is_explained(seconds, min(first_seconds))
             if point.outcome is not Outcome.WRONG and not is_controlled:
                 point = self._compared_with_first_solves(point, seconds)
         except Fault as fault:
@@ -320,9 +327,9 @@ class Case(LadderCase[MeasuredRound]):
         If observed and claimed iterations of the observed solve differ, claims are corrected by their ratio. If the
         solver reports none, the observed number is returned.
         """
-        if self._observed is None:
+        if self._contradiction is None:
             return claimed
-        observed, claimed_then = self._observed
+        observed, claimed_then = self._contradiction
         return round(claimed * observed / claimed_then) if claimed and claimed_then else observed
 
     @property
@@ -350,7 +357,7 @@ class Case(LadderCase[MeasuredRound]):
         return Stop(tolerance, self.limits.max_iterations, self.limits.solve_seconds)
 
     def _judged_curve(self, answer: dict[str, Any], iterates: FloatArray) -> Curve:
-        """Return the judged residual of every observed iterate, computed outside the plugin's process."""
+        """Return the judged residuals of the observed iterates; fail the case if the answer is invalid."""
         iterations: Any = answer.get("iterations")
         if not are_iterations(iterations) or len(iterations) * self.problem.n_rows != len(iterates):
             self._fail(invalid_answer_fault())
@@ -362,10 +369,10 @@ class Case(LadderCase[MeasuredRound]):
 
 def _with_times(measured: Measured, kind: Literal["first", "copy"], solves: Sequence[ControlSolve]) -> Measured:
     """Return measurements with the times of undisturbed first solves or copies, each with that of repeated solves."""
-    kept = [one for one in solves if one.is_first and one.is_counted]
+    kept = [solve for solve in solves if solve.is_first and solve.is_counted]
     times = {
-        f"{kind}_seconds": [one.seconds for one in kept],
-        f"{kind}_repeated_seconds": [one.repeated for one in kept],
+        f"{kind}_seconds": [solve.seconds for solve in kept],
+        f"{kind}_repeated_seconds": [solve.repeated for solve in kept],
     }
     return replace(measured, **{name: [*getattr(measured, name), *new] for name, new in times.items()})
 

@@ -63,7 +63,7 @@ class TimedSolve:
         processor: processor time of both, including all threads, processes that were waited for, and the program of
             an executable [s].
         uncounted: wall time outside the library; 0 if more than the library is timed [s].
-        threads: number of threads, if the prepared solver declares it.
+        threads: number of threads that the prepared solver declares; None if it declares none.
     """
 
     solution: Solution
@@ -111,9 +111,11 @@ class Measurement:
         exempt_from_collection()
 
     def observe(self, stop: Stop, start: FloatArray | None = None) -> tuple[list[int], FloatArray, int, int]:
-        """Return the iterations of one observed solve from ``start`` and their impulses, one row each.
+        """Observe one solve from ``start`` [N s], shape (n_rows,); from zero if None.
 
-        The answer also contains the number of calls of the observer, and the iterations that the solver claims.
+        Returns:
+            The numbers of n recorded iterations, their impulses [N s], shape (n, n_rows), the number of calls of the
+            observer, and the number of iterations that the solver reports.
         """
         problem = self.problem.fresh()
         iterates: dict[int, FloatArray] = {}
@@ -123,12 +125,12 @@ class Measurement:
         def on_iterate(iteration: int, impulses: FloatArray) -> None:
             nonlocal mark, calls
             calls += 1
-            shown = np.array(impulses, dtype=np.float64)
-            if shown.shape != (problem.n_rows,):
-                raise MisbehaviourError(f"it passed impulses of shape {shown.shape} to its observer, not (n_rows,)")
-            latest.append((int(iteration), shown))
+            iterate = np.array(impulses, dtype=np.float64)
+            if iterate.shape != (problem.n_rows,):
+                raise MisbehaviourError(f"it passed impulses of shape {iterate.shape} to its observer, not (n_rows,)")
+            latest.append((int(iteration), iterate))
             if iteration >= mark:
-                iterates[int(iteration)] = shown
+                iterates[int(iteration)] = iterate
                 mark = iteration + 1.0 if iteration < FIRST_ITERATIONS else iteration * MARK_RATIO
 
         if shows_iterates(self.solver):
@@ -168,21 +170,24 @@ class Measurement:
     def first_solves(
         self, stop: Stop, problems: Sequence[ContactProblem], start: FloatArray | None = None
     ) -> tuple[TimedRound, list[FloatArray]]:
-        """Solve each of several problems once, the last from ``start``; return the round and the last impulses.
+        """Solve each of several problems once, the last one from ``start``.
 
-        The problems are new to the process. Solves of its current problem warm its caches.
+        The problems are new to the process. Before them, solves of the current problem warm the caches.
+
+        Returns:
+            The round, and a list with the impulses of the last solve [N s], shape (n_rows,).
         """
-        warm = replace(stop, max_seconds=min(stop.max_seconds, 2.0 * WARM_SECONDS))
+        warm_up_stop = replace(stop, max_seconds=min(stop.max_seconds, 2.0 * WARM_SECONDS))
         end = perf_counter() + WARM_SECONDS
         while True:
             # read before the last solve, because reading system files displaces data in the caches
             before = ContextSwitches.now()
-            self._solve(self.problem.fresh(), warm)
+            self._solve(self.problem.fresh(), warm_up_stop)
             if perf_counter() >= end:
                 break
         solves = [self._solve(problem.fresh(), stop) for problem in problems[:-1]]
         solves.append(self._solve(problems[-1].fresh(), stop, start))
-        earlier = [int(one.solution.iterations) for one in solves[:-1]]
+        earlier = [int(solve.solution.iterations) for solve in solves[:-1]]
         timed = msgspec.structs.replace(_timed_round(solves, before), earlier_iterations=earlier)
         self.problem = problems[-1]
         self._check_after(self.problem)
@@ -207,13 +212,13 @@ class Measurement:
         impulses, start = np.zeros(problem.n_rows), _read_only_copy(start)
         gc.disable()
         try:
-            worked = used_processor_seconds(self.solver)
+            processor = used_processor_seconds(self.solver)
             began = perf_counter()
             prepared = self.solver.prepare(problem)
             ready = perf_counter()
-            left = stop.max_seconds - (ready - began)
-            if left > 0.0:
-                solution = prepared.solve(replace(stop, max_seconds=left), start)
+            remaining = stop.max_seconds - (ready - began)
+            if remaining > 0.0:
+                solution = prepared.solve(replace(stop, max_seconds=remaining), start)
                 synchronise = getattr(prepared, "synchronise", None)
                 if synchronise is not None:
                     synchronise()
@@ -222,7 +227,7 @@ class Measurement:
             if _can_copy(solution, impulses):
                 np.copyto(impulses, solution.impulses)
             done = perf_counter()
-            worked = used_processor_seconds(self.solver) - worked
+            processor = used_processor_seconds(self.solver) - processor
         finally:
             if was_collecting:
                 gc.enable()
@@ -232,8 +237,8 @@ class Measurement:
         if library is not None:
             prepare, solve, uncounted = 0.0, library, done - began - library
         threads = getattr(prepared, "threads", None)
-        used = int(threads) if isinstance(threads, int | np.integer) else None
-        return TimedSolve(replace(solution, impulses=impulses), prepare, solve, worked, uncounted, used)
+        n_threads = int(threads) if isinstance(threads, int | np.integer) else None
+        return TimedSolve(replace(solution, impulses=impulses), prepare, solve, processor, uncounted, n_threads)
 
     def _check_after(self, problem: ContactProblem) -> None:
         """Raise ``MisbehaviourError`` if solving has changed the problem or the process."""
@@ -243,10 +248,11 @@ class Measurement:
 
     def _check_threads(self) -> None:
         """Raise ``MisbehaviourError`` if Python threads outlive a call."""
-        left = _thread._count() - self.before.n_threads
-        raise_fault(f"it leaves {counted(left, 'thread')} running" if left > 0 else None)
+        n_left = _thread._count() - self.before.n_threads
+        raise_fault(f"it leaves {counted(n_left, 'thread')} running" if n_left > 0 else None)
 
     def _check_unchanged(self) -> None:
+        """Raise ``MisbehaviourError`` if a setting that a measurement depends on has changed."""
         changed = self.before.changed_timing_settings()
         raise_fault(f"it changed {changed[0]}, and did not restore it" if changed else None)
 
@@ -267,7 +273,7 @@ class MeasuringTask:
     def _measurement(self) -> Measurement:
         before = ProcessState.now()
         spec = self.solver_spec
-        return Measurement(_problem(self.problem_data), spec.make(), before, times_library=spec.is_built_in)
+        return Measurement(_read_problem(self.problem_data), spec.make(), before, times_library=spec.is_built_in)
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
         """Answer one request, given by its name and arguments.
@@ -293,12 +299,12 @@ class MeasuringTask:
                 timed, answers = measurement.round(*arguments)
             else:
                 stop, contents, *start = arguments
-                timed, answers = measurement.first_solves(stop, list(map(_problem, contents)), *start)
+                timed, answers = measurement.first_solves(stop, list(map(_read_problem, contents)), *start)
             return msgspec.to_builtins(timed), b"".join(impulses.tobytes() for impulses in answers)
         if request == "warm_up":
             measurement.warm_up(*arguments)
         elif request == "problem":
-            measurement.problem = _problem(*arguments)
+            measurement.problem = _read_problem(*arguments)
         elif request == "load_kernels":
             load_cached_kernels()
         elif request == "rest":
@@ -308,7 +314,7 @@ class MeasuringTask:
         return {}, b""
 
 
-def _problem(data: bytes) -> ContactProblem:
+def _read_problem(data: bytes) -> ContactProblem:
     return read_problem(io.BytesIO(data), "problem")
 
 
@@ -324,11 +330,11 @@ def _timed_round(solves: Sequence[TimedSolve], before: ContextSwitches) -> Timed
         last.status,
         int(last.iterations),
         str(last.message)[:MAX_REASON_LENGTH],
-        [one.prepare for one in solves],
-        [one.solve for one in solves],
-        [one.processor for one in solves],
+        [solve.prepare for solve in solves],
+        [solve.solve for solve in solves],
+        [solve.processor for solve in solves],
         *switches,
-        [one.uncounted for one in solves] if any(one.uncounted for one in solves) else [],
+        [solve.uncounted for solve in solves] if any(solve.uncounted for solve in solves) else [],
         threads=solves[-1].threads,
     )
 
@@ -337,5 +343,5 @@ def _can_copy(solution: Any, impulses: FloatArray) -> bool:
     """Return whether the impulses of a solution can be copied; other faults are reported after the clock stops."""
     if type(solution) is not Solution:
         return False
-    given = solution.impulses
-    return type(given) is np.ndarray and given.shape == impulses.shape and given.dtype.kind == "f"
+    source = solution.impulses
+    return type(source) is np.ndarray and source.shape == impulses.shape and source.dtype.kind == "f"

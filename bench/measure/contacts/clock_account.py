@@ -1,8 +1,8 @@
 """Compare the clock in the process of a case with the processor time that the system counts.
 
 N solves in n rounds take P seconds on the clock; the longer of the wall and processor time of each solve counts.
-In addition, the harness creates a fresh problem for each solve, which takes about h seconds, measured here on the same
-core. The process of a case may use the processor time
+In addition, the harness creates a fresh problem for each solve, which takes about h seconds. This process measures h on
+the same core. The process of a case may use the processor time
 
     W ≤ (1 + SHARE) P + HARNESS_FACTOR N h + n ROUND_SECONDS + ALLOWANCE_SECONDS
 
@@ -21,7 +21,7 @@ SHARE = 0.05
 """Allowed untimed work relative to the time on the clock."""
 
 HARNESS_FACTOR = 2.0
-"""Allowed time of the harness per solve, relative to creating a problem and its digest here."""
+"""Allowed time of the harness per solve, relative to h."""
 
 ROUND_SECONDS = 0.002
 """Processor time of a round to read and answer its request and to compare the process state [s]."""
@@ -34,7 +34,7 @@ MAX_CALIBRATIONS = 5
 
 
 class ClockAccount:
-    """The time of the rounds of a case, by both clocks.
+    """The time of the rounds of a case, by the clock in its process and by the system.
 
     Attributes:
         problem: problem of the case.
@@ -46,7 +46,7 @@ class ClockAccount:
         self._on_clock = self._worked = self._n_solves = self._n_rounds = self._harness = 0.0
 
     def fault(self, timed: TimedRound, worked: float) -> str | None:
-        """Return a sentence if the process works more than its clock explains, else None.
+        """Add a round, and return a clause if the process worked more than its clock explains, else None.
 
         Args:
             timed: a round that is not excluded.
@@ -67,6 +67,7 @@ class ClockAccount:
         )
 
     def _explained(self) -> float:
+        """Return the processor time W that the process may use [s]."""
         harness = HARNESS_FACTOR * self._n_solves * self._harness + self._n_rounds * ROUND_SECONDS
         return (1.0 + SHARE) * self._on_clock + harness + ALLOWANCE_SECONDS
 

@@ -48,13 +48,13 @@ def measure_matrix(
         on_cell: called with each finished cell.
 
     Returns:
-        The cells in the order of the solvers.
+        The cells of each solver in turn, in the order of the problems.
 
     Raises:
         ProxbenchError: for an unknown problem or solver.
     """
-    generate_missing(one for one in problems if isinstance(one, str))
-    resolved = {problem_name(one): resolve_problem(one) for one in problems}
+    generate_missing(problem for problem in problems if isinstance(problem, str))
+    resolved = {problem_name(problem): resolve_problem(problem) for problem in problems}
     specs = [solver_spec(solver) for solver in solvers]
     cells = []
     for solver in specs:
@@ -68,6 +68,7 @@ def measure_matrix(
 
 
 def _cell(solver: RemoteSolver, name: str, problem: ContactProblem, stop: Stop) -> Cell:
+    """Solve one problem with one solver, and return the judged result."""
     try:
         unsupported_reason = solver.supports(problem)
         if unsupported_reason:

@@ -1,8 +1,8 @@
 """Starts of the solves of a case: zero, or the solver's own answer to the previous step.
 
-A warm solver first solves the earlier steps in order, each from its answer to the previous one and to the tolerance of
-the timed solves, as in a simulation. These solves are not timed, and run in processes that have not received the
-problem. An answer that misses the tolerance is used as well.
+A warm solver first solves the earlier steps in order, to the tolerance of the timed solves. As in a simulation, each
+solve starts from the answer to the previous step. These solves are not timed, and run in processes that have not
+received the problem. An answer that misses the tolerance is used as well.
 """
 
 from collections.abc import Sequence
@@ -20,14 +20,14 @@ class Starts:
     """The starts of one case.
 
     Attributes:
-        steps: the earlier steps, from the first on; empty for a start from zero.
+        steps: the earlier steps in order; empty for a start from zero.
         problem: the problem.
     """
 
     def __init__(self, steps: Sequence[ContactProblem], problem: ContactProblem, controls: Controls) -> None:
-        """Initialise with the earlier steps, the problem, and the process that solves the steps."""
+        """Initialise with the earlier steps, the problem, and the controls that solve the steps."""
         self.steps, self.problem, self._controls = steps, problem, controls
-        self._known: dict[float, FloatArray | None] = {}
+        self._by_tolerance: dict[float, FloatArray | None] = {}
 
     @cached_property
     def digest(self) -> str:
@@ -40,9 +40,9 @@ class Starts:
         Raises:
             Fault: if the solver gives no valid answer to an earlier step.
         """
-        if stop.tolerance not in self._known:
+        if stop.tolerance not in self._by_tolerance:
             start = None
             for step, following in pairwise([*self.steps, self.problem]):
                 start = warm_start_impulses(step, self._controls.solve_once(step, stop, start), following)
-            self._known[stop.tolerance] = start
-        return self._known[stop.tolerance]
+            self._by_tolerance[stop.tolerance] = start
+        return self._by_tolerance[stop.tolerance]

@@ -39,15 +39,15 @@ SMALL_SHIFT = 0.02
 """Least shift σ of a disguised copy."""
 
 SHIFT_PER_TOLERANCE = 20.0
-"""Least ratio of σ to the tolerance of a solve, so that an answer of the problem fails on the copy."""
+"""Ratio of σ to the tolerance of a solve, up to ``SHIFT``, so that an answer of the problem fails on the copy."""
 
 
 def in_other_units(problem: ContactProblem) -> TransformedProblem:
     """Return the problem in units drawn at random, without name, provenance and answer."""
     draw = random.SystemRandom()
     speed, mass = (2.0 ** (draw.choice((1, -1)) * draw.choice(each)) for each in (SPEED_EXPONENTS, MASS_EXPONENTS))
-    made = in_units(problem, mass=mass, length=1.0 / speed)
-    return replace(made, problem=made.problem.anonymous())
+    transformed = in_units(problem, mass=mass, length=1.0 / speed)
+    return replace(transformed, problem=transformed.problem.anonymous())
 
 
 def perturbed_copy(problem: ContactProblem, shift: float = SHIFT) -> ContactProblem:
@@ -76,7 +76,7 @@ def _random_velocity(problem: ContactProblem, shift: float, rng: np.random.Gener
     speeds = np.zeros(problem.n_contacts)
     np.maximum.at(speeds, contact_of_row, np.abs(problem.free_velocity))
     eta = np.zeros(problem.n_rows)
-    moved = shift * rng.uniform(-1.0, 1.0, size=problem.n_rows) * speeds[contact_of_row]
-    np.divide(moved, alpha, out=eta, where=alpha > 0.0)
+    shifts = shift * rng.uniform(-1.0, 1.0, size=problem.n_rows) * speeds[contact_of_row]
+    np.divide(shifts, alpha, out=eta, where=alpha > 0.0)
     velocity: FloatArray = problem.relative_velocity(eta) - problem.free_velocity
     return velocity

@@ -11,7 +11,7 @@ LOCAL = "local"
 """Address of a cluster on this machine, with one worker per core."""
 
 CONNECT_SECONDS = 10.0
-"""Time limit for the answer of a scheduler, and for that of its first worker [s]."""
+"""Time limit for the answer of a scheduler, and for the connection of its first worker [s]."""
 
 
 @contextmanager
@@ -29,16 +29,16 @@ def dask_executor(address: str) -> Iterator[Executor]:
     except ImportError:
         raise BenchError('dask is not installed; run pip install ".[dask]" in a clone of proxbench') from None
     dask: Any = distributed  # classes of dask have no types
-    with ExitStack() as opened:
+    with ExitStack() as stack:
         try:
-            where: Any = address
+            target: Any = address
             if address == LOCAL:
-                where = opened.enter_context(dask.LocalCluster(threads_per_worker=1, dashboard_address=None))
-            client = opened.enter_context(dask.Client(where, timeout=CONNECT_SECONDS, set_as_default=False))
+                target = stack.enter_context(dask.LocalCluster(threads_per_worker=1, dashboard_address=None))
+            client = stack.enter_context(dask.Client(target, timeout=CONNECT_SECONDS, set_as_default=False))
             client.wait_for_workers(1, timeout=CONNECT_SECONDS)
         except (OSError, TimeoutError, ValueError) as error:
-            why = type(error).__name__
+            reason = type(error).__name__
             raise BenchError(
-                f"there is no dask cluster with workers at {address} ({why}); start it, or use another address."
+                f"there is no dask cluster with workers at {address} ({reason}); start it, or use another address."
             ) from None
         yield client.get_executor(pure=False)  # gives a repeated task a different key

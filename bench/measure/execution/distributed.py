@@ -33,21 +33,21 @@ class DistributedExecutor(RunExecutor):
         """Store the arguments; ``mix`` allows cases of several machines in one run."""
         super().__init__(solvers, store, record, on_event, mix)
         self._executor = executor
-        self._n_before = len(record.sessions)
+        self._n_earlier_sessions = len(record.sessions)
         self._lost: dict[str, BaseException] = {}
 
     def _measure(self) -> None:
         """Submit each unfinished problem to the executor, and store the results.
 
         Raises:
-            BenchError: if problems were lost with their workers, or refused by them; other results are stored.
+            BenchError: if problems were lost with their workers, or rejected by them; other results are stored.
         """
         plan = self._record.plan
-        left = [name for name in shuffled(plan.problems, plan.seed, 0) if not self._is_finished(name)]
-        n_done, running = len(plan.problems) - len(left), dict[Future[MeasuredProblem], str]()
+        pending = [name for name in shuffled(plan.problems, plan.seed, 0) if not self._is_finished(name)]
+        n_done, running = len(plan.problems) - len(pending), dict[Future[MeasuredProblem], str]()
         try:
-            while left or running:
-                self._submit(left, running)
+            while pending or running:
+                self._submit(pending, running)
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     name, fault = running.pop(future), _fault(future)
                     if fault is None:
@@ -61,59 +61,61 @@ class DistributedExecutor(RunExecutor):
                 future.cancel()
         self._require_all_measured()
 
-    def _submit(self, left: list[str], running: dict[Future[MeasuredProblem], str]) -> None:
+    def _submit(self, pending: list[str], running: dict[Future[MeasuredProblem], str]) -> None:
         """Submit problems up to the limit; if the executor accepts no more, the remaining ones are lost."""
         try:
-            while left and len(running) < MAX_SUBMITTED:
-                running[self._executor.submit(measure_problem, self._task(left[0]))] = left[0]
-                left.pop(0)
-        except (RuntimeError, OSError) as broken:
-            self._lost |= dict.fromkeys(left, broken)
-            left.clear()
+            while pending and len(running) < MAX_SUBMITTED:
+                running[self._executor.submit(measure_problem, self._task(pending[0]))] = pending[0]
+                pending.pop(0)
+        except (RuntimeError, OSError) as error:
+            self._lost |= dict.fromkeys(pending, error)
+            pending.clear()
 
     def _require_all_measured(self) -> None:
+        """Raise ``BenchError`` if problems were lost."""
         if self._lost:
             count = f"{len(self._lost)} of {len(self._record.plan.problems)} problems"
-            why, folder = first_line(next(iter(self._lost.values()))), self._store.folder
+            reason, folder = first_line(next(iter(self._lost.values()))), self._store.folder
             raise BenchError(
-                f"{count} could not be measured ({why}); the other results are stored; resume with: "
+                f"{count} could not be measured ({reason}); the other results are stored; resume with: "
                 f"proxbench run --resume {folder}"
             )
 
     def _task(self, name: str) -> ProblemTask:
+        """Return the task that measures a problem."""
         record, plan = self._record, self._record.plan
         problem = problem_of_run(self._store, record, name)
-        solvers = tuple(one for one in self._solvers if isinstance(one, SolverSpec))
+        solvers = tuple(solver for solver in self._solvers if isinstance(solver, SolverSpec))
         is_warm = any(solver.starts_warm for solver in solvers)
         steps = predecessors_of_run(self._store, record, problem).steps if is_warm else ()
-        own = replace(
+        task_run = replace(
             record,
             plan=replace(plan, problems=[name], families={name: plan.family(name)}, left_out=[], shard=""),
-            carried={one.name: one.digest for one in (*steps, problem)},
-            sessions=record.sessions[: self._n_before],
+            carried={step.name: step.digest for step in (*steps, problem)},
+            sessions=record.sessions[: self._n_earlier_sessions],
         )
         cases = tuple(self._cases[name].values())
         problems = tuple(map(packed_problem, (*steps, problem)))
-        return ProblemTask(own, cases, problems, solvers, tuple(registered()), self._mix)
+        return ProblemTask(task_run, cases, problems, solvers, tuple(registered()), self._mix)
 
     def _store_result(self, name: str, result: MeasuredProblem) -> None:
         """Store the cases of a problem and their session."""
         finished = self._finished_solvers(name)
-        places = [*range(self._n_before), self._place_of(result.session)]
+        session_indices = [*range(self._n_earlier_sessions), self._session_index(result.session)]
         for case in result.cases:
-            self._write_case(with_sessions(case, places))
+            self._write_case(with_sessions(case, session_indices))
             if case.is_finished(self._record.plan) and case.solver not in finished:
                 self._report_finished(case)
 
-    def _place_of(self, session: Session) -> int:
+    def _session_index(self, session: Session) -> int:
         """Add a session, or extend that of the same machine; return its index."""
         sessions = self._record.sessions
-        for place, known in enumerate(sessions[self._n_before :], self._n_before):
-            if known.machine.host == session.machine.host:
-                busy = [*known.busy_cores, *session.busy_cores]
-                joined = replace(known, finished=session.finished, busy_cores=busy)
-                self._write_run(replace(self._record, sessions=[*sessions[:place], joined, *sessions[place + 1 :]]))
-                return place
+        for index, earlier in enumerate(sessions[self._n_earlier_sessions :], self._n_earlier_sessions):
+            if earlier.machine.host == session.machine.host:
+                busy = [*earlier.busy_cores, *session.busy_cores]
+                joined = replace(earlier, finished=session.finished, busy_cores=busy)
+                self._write_run(replace(self._record, sessions=[*sessions[:index], joined, *sessions[index + 1 :]]))
+                return index
         self._write_run(replace(self._record, sessions=[*sessions, session]))
         return len(sessions)
 

@@ -37,7 +37,7 @@ class ReferenceSimulated:
 
 @dataclass(frozen=True)
 class ProblemStarted:
-    """A pass over the cases of a problem has started; ``number`` counts passes from 0."""
+    """Pass ``number`` over the cases of a problem has started, counted from 0 to ``passes`` - 1."""
 
     problem: str
     number: int = 0
@@ -55,7 +55,7 @@ class PointFinished:
 
 @dataclass(frozen=True)
 class CaseFinished:
-    """One case has been completed and stored."""
+    """One case has been completed and stored, as number ``done`` of ``total``."""
 
     problem: str
     solver: str
@@ -66,7 +66,13 @@ class CaseFinished:
 
 @dataclass(frozen=True)
 class ProblemPassFinished:
-    """One pass over the cases of a problem is complete; a worker of a cluster completes all passes at once."""
+    """One pass over the cases of a problem is complete.
+
+    Attributes:
+        problem: name of the problem.
+        done: number of complete passes over problems; on a cluster, of complete problems, with all their passes.
+        total: number of all passes over problems; on a cluster, of all problems.
+    """
 
     problem: str
     done: int
@@ -77,3 +83,4 @@ Event = RunStarted | ReferenceSimulated | ProblemStarted | PointFinished | CaseF
 """Any event of a run."""
 
 OnEvent = Callable[[Event], None]
+"""A function that is called with each event."""

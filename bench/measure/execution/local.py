@@ -65,8 +65,8 @@ class LocalExecutor(RunExecutor):
         finally:
             for case in cases:
                 self._write_case(case.record())
-        for wrong in mark_refuted_claims(list(known.values()), cases[0].is_solvable if cases else None):
-            self._write_case(wrong)
+        for refuted in mark_refuted_claims(list(known.values()), cases[0].is_solvable if cases else None):
+            self._write_case(refuted)
         for solver, record in known.items():
             if solver not in finished and record.is_finished(plan):
                 self._report_finished(record)
@@ -77,15 +77,18 @@ class LocalExecutor(RunExecutor):
     def _cases_of_pass(self, name: str, case_pass: CasePass) -> list[LadderCase[Any]]:
         """Return the cases of a problem that a pass measures; those of a contact problem are shuffled."""
         record, known, plan = self._record, self._cases[name], self._record.plan
-        left = set(plan.solvers) - self._finished_solvers(name)
+        remaining = set(plan.solvers) - self._finished_solvers(name)
         if plan.trajectories:
             trajectory = trajectory_of(plan.trajectory(name))
-            methods = [one for one in self._solvers if isinstance(one, Method) and one.record.name in left]
+            methods = [
+                solver for solver in self._solvers if isinstance(solver, Method) and solver.record.name in remaining
+            ]
             return [
-                TrajectoryCase(trajectory, one, plan.limits, known.get(one.record.name), case_pass) for one in methods
+                TrajectoryCase(trajectory, method, plan.limits, known.get(method.record.name), case_pass)
+                for method in methods
             ]
         problem = problem_of_run(self._store, record, name)
-        solvers = [one for one in self._solvers if isinstance(one, SolverSpec) and one.name in left]
+        solvers = [solver for solver in self._solvers if isinstance(solver, SolverSpec) and solver.name in remaining]
         data = problem_bytes(problem.anonymous()) if solvers else b""
         is_warm = any(solver.starts_warm for solver in solvers)
         before = predecessors_of_run(self._store, record, problem) if is_warm else NO_PREDECESSORS
@@ -114,11 +117,14 @@ class LocalExecutor(RunExecutor):
             self._on_event(PointFinished(record.problem, record.solver, value))
 
     def _is_of_this_machine(self, name: str) -> bool:
-        """Return whether no round of a problem was measured on another machine."""
+        """Return whether no round of a problem is known to have been measured on another machine."""
         sessions = self._record.sessions
-        used = {one.session for case in self._cases[name].values() for point in case.points for one in point.rounds}
+        points = [point for case in self._cases[name].values() for point in case.points]
+        indices = {measured.session for point in points for measured in point.rounds}
         return all(
-            sessions[one].machine.host in ("", self._session.machine.host) for one in used if one < len(sessions)
+            sessions[index].machine.host in ("", self._session.machine.host)
+            for index in indices
+            if index < len(sessions)
         )
 
     def _discard_stale_cases(self) -> None:
@@ -136,4 +142,5 @@ class LocalExecutor(RunExecutor):
 
 
 def _now() -> str:
+    """Return the current time, as ISO 8601 in UTC."""
     return datetime.now(UTC).isoformat(timespec="seconds")

@@ -21,8 +21,8 @@ from ...store.store import Store
 from ..machine import this_machine
 from .local import LocalExecutor
 
-_one_at_a_time = threading.Lock()
-"""Lock for one task at a time, because an executor may have several threads per process."""
+_task_lock = threading.Lock()
+"""Lock of the running task, because an executor may have several threads per process."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def measure_problem(task: ProblemTask) -> MeasuredProblem:
         )
     for file, names in task.plugin_files:
         register(file, names, runs_here=False)
-    with _one_at_a_time, tempfile.TemporaryDirectory(prefix="proxbench-", suffix=PART) as folder:
+    with _task_lock, tempfile.TemporaryDirectory(prefix="proxbench-", suffix=PART) as folder:
         store = Store.create(Path(folder, "run"))
         for content in task.problems:
             store.write_problem(read_problem(io.BytesIO(content), "a problem of the task"))

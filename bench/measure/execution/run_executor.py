@@ -21,7 +21,7 @@ from ..trajectories.problems import reference_members, simulate_references, traj
 from .events import CaseFinished, OnEvent, ReferenceSimulated, RunStarted
 
 Solvers = Sequence[SolverSpec] | Sequence[Method]
-"""Solvers, or the steppers with solvers of a study."""
+"""Solvers, or in a study, steppers with solvers."""
 
 Item = TypeVar("Item")
 
@@ -39,6 +39,9 @@ class RunExecutor(ABC):
     def execute(self, stored: Mapping[tuple[str, str], CaseRecord]) -> None:
         """Measure the cases that are not stored; do nothing if the run is finished.
 
+        Args:
+            stored: the stored cases, by problem and solver.
+
         Raises:
             InterruptedRunError: on Ctrl-C; stored points are kept.
         """
@@ -49,7 +52,7 @@ class RunExecutor(ABC):
         self._done = self._count_finished()
         if self._done < total:
             self._write_run(self._record)
-        self._on_event(self._started(total))
+        self._on_event(self._start_event(total))
         try:
             self._generate_missing()
             self._discard_stale_cases()
@@ -93,14 +96,16 @@ class RunExecutor(ABC):
         self._done += 1
         self._on_event(CaseFinished(case.problem, case.solver, case.outcome, self._done, self._count_cases()))
 
-    def _started(self, total: int) -> RunStarted:
+    def _start_event(self, total: int) -> RunStarted:
+        """Return the event of the start of a run with ``total`` cases."""
         plan = self._record.plan
         if not plan.trajectories:
             return RunStarted(self._store.folder, total, self._done)
         values = sum(len(method.values) for method in plan.methods)
         points = values * len(plan.trajectories)
-        simulated = [reference_members(one) for one in plan.trajectories if one.reference is not None]
-        simulations = sum(map(len, simulated)) + values * sum(len(one.members) for one in plan.trajectories)
+        simulated = [trajectory for trajectory in plan.trajectories if trajectory.reference is not None]
+        simulations = sum(len(reference_members(trajectory)) for trajectory in simulated)
+        simulations += values * sum(len(trajectory.members) for trajectory in plan.trajectories)
         measured = sum(len(case.points) for cases in self._cases.values() for case in cases.values())
         work = f"{counted(points, 'point')}, {counted(simulations, 'simulation')}"
         return RunStarted(self._store.folder, total, self._done, points, measured, work)
@@ -109,8 +114,9 @@ class RunExecutor(ABC):
         """Generate the problems that are neither stored nor available, and simulate missing references."""
         record, plan = self._record, self._record.plan
         for index, trajectory in enumerate(plan.trajectories):
-            for known in simulate_references(trajectory, plan.limits):
-                plan = replace(plan, trajectories=[*plan.trajectories[:index], known, *plan.trajectories[index + 1 :]])
+            for updated in simulate_references(trajectory, plan.limits):
+                trajectories = [*plan.trajectories[:index], updated, *plan.trajectories[index + 1 :]]
+                plan = replace(plan, trajectories=trajectories)
                 self._write_run(replace(record, plan=plan))
             self._on_event(ReferenceSimulated(plan.trajectories[index]))
         names = [] if plan.trajectories else plan.problems
@@ -120,6 +126,7 @@ class RunExecutor(ABC):
             self._write_run(replace(record, carried={**record.carried, **store_problems(missing, self._store)}))
 
     def _digest(self, name: str) -> str:
+        """Return the digest of a problem or trajectory."""
         plan = self._record.plan
         if plan.trajectories:
             return trajectory_of(plan.trajectory(name)).digest
@@ -127,7 +134,7 @@ class RunExecutor(ABC):
 
     def _starts(self, name: str) -> dict[str, str]:
         """Return the digests of the starts of the warm solvers on a problem."""
-        warm = [one.name for one in self._solvers if isinstance(one, SolverSpec) and one.starts_warm]
+        warm = [solver.name for solver in self._solvers if isinstance(solver, SolverSpec) and solver.starts_warm]
         if not warm:
             return {}
         problem = problem_of_run(self._store, self._record, name)
@@ -135,6 +142,7 @@ class RunExecutor(ABC):
         return dict.fromkeys(warm, start_digest(steps, problem))
 
     def _write_case(self, record: CaseRecord) -> None:
+        """Store the record of a case."""
         self._cases[record.problem][record.solver] = record
         self._store.write_case(record)
 
@@ -145,5 +153,5 @@ class RunExecutor(ABC):
 
 
 def shuffled(items: Sequence[Item], *seeds: int) -> list[Item]:
-    """Return the items in an order that depends on all seeds."""
+    """Return the items in a random order that the seeds determine."""
     return [items[index] for index in np.random.default_rng(seeds).permutation(len(items))]

@@ -1,6 +1,6 @@
 """Measure a stepper with a solver on a trajectory, in a child process; each round simulates one member.
 
-Members are the seeds of a scene, or factors on its steps or tolerances.
+Members are seeds of the scene, or factors on the step or tolerance of the stepper.
 """
 
 import math
@@ -26,7 +26,7 @@ class SimulationRound(TimedRound, frozen=True, kw_only=True):
     """The result of one simulation from its process: a round of one "solve", whose iterations are one-step solves.
 
     Attributes:
-        steps: number of its steps, which are timed one by one, without judging and recording.
+        steps: number of steps; each is timed separately, without judging and recording.
         unsolved: number of steps that are not solved to the tolerance, as judged.
         overlapping: number of steps after which the projection of positions leaves deeper overlaps than its tolerance.
         values: final values by name; empty if the simulation is incomplete.
@@ -70,7 +70,7 @@ class TrajectoryCase(LadderCase[Member]):
         stored: CaseRecord | None,
         case_pass: CasePass,
     ) -> None:
-        """Store the subject and its previous measurements; limits of a solve apply to one simulation."""
+        """Store the problem, the method and their previous measurements; limits of a solve apply to one simulation."""
         super().__init__(method.record.values, limits, stored, case_pass)
         self.problem, self.method = problem, method
 
@@ -79,53 +79,53 @@ class TrajectoryCase(LadderCase[Member]):
         return level >= len(self.points)
 
     def begin(self) -> None:
-        """Start the process and simulate the motion once, so that kernels are compiled."""
+        """Start the process, and simulate the motion once, so that no compilation is timed."""
         task = TrajectoryTask(self.problem, self.method, self.limits.solve_seconds)
         self._start(task, self.method.solver.compiled_solvers)
         self._ask("warm_up", self.ladder[len(self.points)], self.problem.members[0])
 
     def measure(self, value: float, number: int) -> Member | None:
         """Simulate one member; return None if the case failed."""
-        found = self._timed_round(SimulationRound, number, "simulate", value, self.problem.members[number])
-        if found is None:
+        result = self._timed_round(SimulationRound, number, "simulate", value, self.problem.members[number])
+        if result is None:
             return None
-        simulated, record, _ = found
+        simulated, record, _ = result
         if simulated.values and not set(self.problem.measure.names) <= set(simulated.values):
             self._fail(invalid_answer_fault())
             return None
         return Member(simulated, record)
 
     def needs_round(self, answers: Sequence[Member]) -> bool:
-        """Return whether members remain to be simulated, and the last one ended within the time limit."""
+        """Return whether members remain, and the last simulation ended within the time limit."""
         return len(answers) < len(self.problem.members) and answers[-1].run.status is not Status.TIME_LIMIT
 
     def point(self, value: float, answers: list[Member]) -> Point:
-        """Return a point with the errors over all members."""
+        """Return a point with the errors over all complete members."""
         runs = dict(zip(self.problem.members, answers, strict=False))
-        good = {member: one.run for member, one in runs.items() if one.run.status is Status.SOLVED}
-        failed = [one.run for one in answers if one.run.status is not Status.SOLVED]
-        errors = self.problem.measure.estimates({member: run.values for member, run in good.items()})
-        counted = [one for member, one in runs.items() if not errors or member in good]
-        times = times_from_rounds([one.record for one in counted])
-        worst = max((one.error for one in errors.values()), default=math.inf)
+        complete = {member: answer.run for member, answer in runs.items() if answer.run.status is Status.SOLVED}
+        failed = [answer.run for answer in answers if answer.run.status is not Status.SOLVED]
+        errors = self.problem.measure.estimates({member: run.values for member, run in complete.items()})
+        counted = [answer for member, answer in runs.items() if not errors or member in complete]
+        times = times_from_rounds([answer.record for answer in counted])
+        worst = max((estimate.error for estimate in errors.values()), default=math.inf)
         measured = Measured(
-            iterations=round(median(one.run.iterations for one in counted)),
+            iterations=round(median(answer.run.iterations for answer in counted)),
             residual=worst,
             model_residual=worst,
-            **{**times, "repeats": len(good)},
-            rounds=[one.record for one in answers],
+            **{**times, "repeats": len(complete)},
+            rounds=[answer.record for answer in answers],
             verdict={},
             impulse_error=None,
             errors=[
-                QuantityError(quantity=name, error=one.error, low=one.low, high=one.high)
-                for name, one in errors.items()
+                QuantityError(quantity=name, error=estimate.error, low=estimate.low, high=estimate.high)
+                for name, estimate in errors.items()
             ],
-            unsolved_steps=sum(run.unsolved for run in good.values()),
-            overlapping_steps=sum(run.overlapping for run in good.values()),
+            unsolved_steps=sum(run.unsolved for run in complete.values()),
+            overlapping_steps=sum(run.overlapping for run in complete.values()),
             failed_members=len(failed),
         )
         # a point is reached only if more than half of its members are complete
-        is_reached = not failed or (errors and len(good) > len(failed))
+        is_reached = not failed or (errors and len(complete) > len(failed))
         status = Status.SOLVED if is_reached else failed[0].status
         reason = failed[0].message[:MAX_REASON_LENGTH] if failed else ""
         return Point(

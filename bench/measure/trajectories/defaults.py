@@ -43,7 +43,7 @@ LARGE_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-5)
 
 
 def default_methods(scene: Scene, trajectory: TrajectoryRecord) -> Iterator[Method]:
-    """Yield the methods of a study."""
+    """Yield the default methods of a study of a scene."""
     if scene.has_few_contacts:
         yield make_method("Moreau with SORprox", [trajectory.duration / number for number in STEPS], 1e-10)
         for stepper, exponents in STEPPERS.items():
@@ -63,11 +63,11 @@ def default_methods(scene: Scene, trajectory: TrajectoryRecord) -> Iterator[Meth
 def added_methods(scene: Scene, solvers: Iterator[SolverSpec]) -> Iterator[Method]:
     """Yield the methods that compare solvers over their tolerances."""
     fixed, variable = f"Moreau(step={2.0 * scene.step_size!r})", "Extrapolated"
-    for one in solvers:
+    for solver in solvers:
         if scene.has_few_contacts:
-            yield make_method(solver_method_name(one, variable), TOLERANCES, given=one)
+            yield make_method(solver_method_name(solver, variable), TOLERANCES, given=solver)
         else:
-            yield make_method(solver_method_name(one, fixed), (1e-2, 1e-4), given=one)
+            yield make_method(solver_method_name(solver, fixed), (1e-2, 1e-4), given=solver)
 
 
 def default_reference(scene: Scene, trajectory: TrajectoryRecord) -> Method:

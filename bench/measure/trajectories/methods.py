@@ -1,6 +1,6 @@
 """Specifications of steppers with solvers; each yields a curve over a ladder of the stepper or the solver.
 
-``Extrapolated(search='nested') with SORprox``   the tolerance of the stepper varies, or the step of a fixed one [s]
+``Extrapolated(search='nested') with SORprox``   the tolerance of the stepper varies, or its step [s] if it is fixed
 ``SORprox in Moreau(step=0.001)``                the tolerance of the solver varies
 """
 
@@ -22,6 +22,7 @@ from ...simulation.starts import DEFAULT_START, check_start, default_start
 from ...store.plans import MethodRecord
 
 WITH, IN = " with ", " in "
+"""Words between the stepper and the solver in the name of a method: the first one varies."""
 
 RESOLUTION = 100.0
 """Ratio of the tolerance of a variable stepper to its default minimal step in seconds."""
@@ -58,15 +59,15 @@ class Method:
 
     def setting(self, value: float) -> tuple[Stepper, float]:
         """Return the stepper and the tolerance of the solver at a value of the ladder."""
-        made = make_stepper(self.stepper)
-        stepper: Any = made
+        stepper = make_stepper(self.stepper)
+        untyped: Any = stepper  # not every stepper has a tolerance
         if self.record.name == solver_method_name(self.solver, self.stepper):
-            return made, value
-        if isinstance(made, Moreau):
-            return replace(made, step=value), self.record.tolerance
-        has_resolution = isinstance(made, VariableStepper) and "min_step" not in self.stepper
-        finest = {"min_step": value / RESOLUTION} if has_resolution else {}
-        return replace(stepper, tolerance=value, **finest), self.record.tolerance
+            return stepper, value
+        if isinstance(stepper, Moreau):
+            return replace(stepper, step=value), self.record.tolerance
+        has_resolution = isinstance(stepper, VariableStepper) and "min_step" not in self.stepper
+        min_step = {"min_step": value / RESOLUTION} if has_resolution else {}
+        return replace(untyped, tolerance=value, **min_step), self.record.tolerance
 
 
 def solver_method_name(solver: SolverSpec, stepper: str) -> str:
@@ -83,38 +84,40 @@ def make_method(
     *,
     start: str = DEFAULT_START,
 ) -> Method:
-    """Return the method of a given name.
+    """Return the method that a name describes.
 
     Args:
         name: ``STEPPER with SOLVER`` or ``SOLVER in STEPPER``.
         values: the ladder, in any order.
         tolerance: tolerance of the solver if the stepper varies.
-        max_iterations: iteration limit of the solver.
-        given: the solver, if its specification is known.
+        max_iterations: iteration limit of each one-step solve.
+        given: specification of the solver; created from ``name`` if None.
         start: name of the start of each solve.
 
     Raises:
         BenchError: if ``name`` is not a method, or a value is out of range.
         ProxbenchError: for an unknown stepper, solver or option; the message suggests the nearest name.
     """
-    stepper, joint, solver = name.partition(WITH)
-    varies_solver = not joint or stepper.partition("(")[0].strip() not in STEPPERS
+    stepper, separator, solver = name.partition(WITH)
+    varies_solver = not separator or stepper.partition("(")[0].strip() not in STEPPERS
     if varies_solver:
-        solver, joint, stepper = name.rpartition(IN)
-    if not joint:
+        solver, separator, stepper = name.rpartition(IN)
+    if not separator:
         raise BenchError(
             f"cannot read {name!r:.200} as a method; write a stepper with a solver, {EXAMPLE} with SORprox, or a "
             f"solver in a stepper, SORprox in {EXAMPLE}."
         )
     ladder = sorted(set(map(float, values)), reverse=True)
-    wrong = next((value for value in (*ladder, tolerance) if not 0.0 < value < 1.0), None)
-    if wrong is not None or not ladder:
-        raise BenchError(f"the ladder of {name!r:.200} needs values between 0 and 1, got {wrong or 'none'}.")
+    invalid = next((value for value in (*ladder, tolerance) if not 0.0 < value < 1.0), None)
+    if invalid is not None or not ladder:
+        raise BenchError(f"the ladder of {name!r:.200} needs values between 0 and 1, got {invalid or 'none'}.")
     make_stepper(stepper)
-    made, stepper = given or solver_spec(solver.strip()), str(read_name(stepper, "stepper", EXAMPLE, BenchError))
-    written = solver_method_name(made, stepper) if varies_solver else f"{stepper}{WITH}{made.name}"
-    record = MethodRecord(name=written, values=ladder, tolerance=tolerance, max_iterations=max_iterations, start=start)
-    return Method(record, stepper, made).with_start(start)
+    spec, stepper = given or solver_spec(solver.strip()), str(read_name(stepper, "stepper", EXAMPLE, BenchError))
+    full_name = solver_method_name(spec, stepper) if varies_solver else f"{stepper}{WITH}{spec.name}"
+    record = MethodRecord(
+        name=full_name, values=ladder, tolerance=tolerance, max_iterations=max_iterations, start=start
+    )
+    return Method(record, stepper, spec).with_start(start)
 
 
 def stored_method(record: MethodRecord) -> Method:
@@ -127,7 +130,7 @@ def scaled_stepper(stepper: Stepper, factor: float, duration: float) -> Stepper:
 
     The number of steps is rounded, so that the last one ends exactly at ``duration``.
     """
-    made: Any = stepper
+    untyped: Any = stepper  # not every stepper has a step or a tolerance
     if isinstance(stepper, Moreau):
-        return replace(made, step=duration / max(1, round(duration / made.step * factor)))  # type: ignore[no-any-return]
-    return replace(made, tolerance=made.tolerance * factor)  # type: ignore[no-any-return]
+        return replace(untyped, step=duration / max(1, round(duration / untyped.step * factor)))  # type: ignore[no-any-return]
+    return replace(untyped, tolerance=untyped.tolerance * factor)  # type: ignore[no-any-return]

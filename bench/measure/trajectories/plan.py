@@ -53,7 +53,7 @@ def make_study_plan(
         solvers: additional solvers to compare over their tolerances.
         methods: for each method by name, its steps [s] or tolerances; if None, methods suited to the scene.
         tolerance: judged residual that the solvers of ``methods`` must reach, unless the ladder varies it.
-        duration: simulated time [s]; if None, a duration suited to the scene.
+        duration: simulated time [s]; the default for the scene if None.
         members: seeds of a scene of balls, otherwise factors on steps and tolerances; if None, defaults.
         limits: limits of each case; those of a solve apply to a simulation.
         start: initial impulses of each solve: "warm", "cold", "warm-then-cold" or "scaled".
@@ -61,19 +61,19 @@ def make_study_plan(
     Raises:
         ProxbenchError: for an unknown scene, stepper, solver or option, or a number out of range.
     """
-    trajectory, made = _trajectory(scene, duration, members)
+    trajectory, built_scene = _trajectory(scene, duration, members)
     if methods is None:
-        chosen = list(default_methods(made, trajectory))
+        chosen = list(default_methods(built_scene, trajectory))
     else:
         chosen = [make_method(name, values, tolerance) for name, values in methods.items()]
-    chosen += added_methods(made, map(solver_spec, solvers))
+    chosen += added_methods(built_scene, map(solver_spec, solvers))
     chosen = [method.with_start(start) for method in chosen]
     if trajectory.reference is not None:
         trajectory = replace(trajectory, reference=replace(trajectory.reference, start=start))
     for method in chosen:
         for value in method.record.values:
-            stepper = method.setting(value)[0].with_defaults_of(made)
-            stepper.check(made, made.start.time, made.start.time + trajectory.duration)
+            stepper = method.setting(value)[0].with_defaults_of(built_scene)
+            stepper.check(built_scene, built_scene.start.time, built_scene.start.time + trajectory.duration)
     chosen = list({method.record.name: method for method in chosen}.values())
     record = PlanRecord(
         problems=[trajectory.name],
@@ -95,19 +95,19 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
     if is_cycle or not study.is_limit_cycle:
         options = {**study.options, **options}
         duration = study.duration if duration is None else duration
-    made = local_or_remote_scene(str(Name(plain, options)))
-    is_pour = made.n_balls > 1 and "seed" in made.options and made.exact is None
+    built_scene = local_or_remote_scene(str(Name(plain, options)))
+    is_pour = built_scene.n_balls > 1 and "seed" in built_scene.options and built_scene.exact is None
     if is_pour:
-        first = int(options.pop("seed", made.options["seed"]))
+        first = int(options.pop("seed", built_scene.options["seed"]))
         members = range(first, first + N_SEEDS) if members is None else members
         if len(set(members)) < MIN_SEEDS:
             raise BenchError(f"a study over seeds needs at least {MIN_SEEDS} different seeds, got {len(set(members))}.")
     chosen = list(dict.fromkeys(map(float, NEIGHBOURS if members is None else members)))
-    wrong = next((one for one in chosen if not (0.0 <= one < math.inf and (is_pour or one))), None)
-    if wrong is not None or not chosen:
-        given = "none" if wrong is None else wrong
-        raise BenchError(f"members must be {'seeds' if is_pour else 'positive factors'}, got {given}.")
-    seconds = made.duration if duration is None else duration
+    invalid = next((member for member in chosen if not (0.0 <= member < math.inf and (is_pour or member))), None)
+    if invalid is not None or not chosen:
+        value_text = "none" if invalid is None else invalid
+        raise BenchError(f"members must be {'seeds' if is_pour else 'positive factors'}, got {value_text}.")
+    seconds = built_scene.duration if duration is None else duration
     if not 0.0 < seconds < math.inf:
         raise BenchError(f"`duration` must be positive and finite, got {seconds:g}; omit it for the default.")
     trajectory = TrajectoryRecord(
@@ -116,6 +116,6 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
         members=chosen,
         error="limit cycle" if is_cycle else "aggregates" if is_pour else "end position",
     )
-    if is_cycle or made.exact is not None:
-        return trajectory, made
-    return replace(trajectory, reference=default_reference(made, trajectory).record), made
+    if is_cycle or built_scene.exact is not None:
+        return trajectory, built_scene
+    return replace(trajectory, reference=default_reference(built_scene, trajectory).record), built_scene

@@ -20,8 +20,12 @@ MIN_SEEDS = 2
 
 
 def trajectory_of(record: TrajectoryRecord) -> TrajectoryProblem:
-    """Return the problem of a study, with the known values of its reference."""
-    known = {one.member: one.values for one in record.known if not one.failure}
+    """Return the problem of a study, with the known values of its reference.
+
+    Raises:
+        BenchError: if the scene no longer has a limit cycle.
+    """
+    known = {reference.member: reference.values for reference in record.known if not reference.failure}
     members = tuple(record.members)
     if record.error == "limit cycle":
         scene = make_scene(record.name)
@@ -46,7 +50,7 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
     Raises:
         BenchError: if the reference cannot be simulated.
     """
-    known = {one.member for one in record.known}
+    known = {reference.member for reference in record.known}
     missing = [member for member in reference_members(record) if member not in known]
     if missing:
         method = _reference(record)
@@ -59,10 +63,10 @@ def simulate_references(record: TrajectoryRecord, limits: Limits) -> Iterator[Tr
                     yield record
         except Fault as fault:
             raise BenchError(f"the reference of {record.name} cannot be simulated: {fault.reason}.") from None
-    good = sum(not one.failure for one in record.known)
-    if record.error != "limit cycle" and good < (MIN_SEEDS if record.error == "aggregates" else 1):
-        why = next(one.failure for one in record.known if one.failure)
-        raise BenchError(f"the reference of {record.name} is incomplete: {why}; choose a shorter duration.")
+    n_complete = sum(not reference.failure for reference in record.known)
+    if record.error != "limit cycle" and n_complete < (MIN_SEEDS if record.error == "aggregates" else 1):
+        reason = next(reference.failure for reference in record.known if reference.failure)
+        raise BenchError(f"the reference of {record.name} is incomplete: {reason}; choose a shorter duration.")
 
 
 def reference_members(record: TrajectoryRecord) -> list[float]:
@@ -73,7 +77,7 @@ def reference_members(record: TrajectoryRecord) -> list[float]:
 
 
 def _reference(record: TrajectoryRecord) -> Method:
-    """Return the method of the reference; it is not used if the scene gives its final state in closed form."""
+    """Return the method of the reference, or any method if the scene gives its final state in closed form."""
     if record.reference is None:
         return make_method("Moreau with SORprox", [1e-3])
     return stored_method(record.reference)

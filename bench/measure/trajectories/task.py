@@ -25,12 +25,19 @@ from ...simulation.trajectory import Simulation
 from .methods import Method, scaled_stepper
 
 MAX_SOLVES = 10_000
-"""Largest number of solves of a variable stepper; with a coarse solver, states of laws may alternate forever."""
+"""Limit of the solves of a stepper that locates switches: with a coarse solver, laws may switch forever."""
 
 
 @dataclass
 class TrajectoryTask:
-    """The task of a case: it answers "warm_up", "simulate" and "known"."""
+    """The task of a case, which answers "warm_up", "simulate" and "known".
+
+    Attributes:
+        problem: the problem.
+        method: the stepper with its solver.
+        seconds: wall time limit of a simulation [s].
+        max_solves: limit of the solves of a stepper that locates switches.
+    """
 
     problem: TrajectoryProblem
     method: Method
@@ -44,16 +51,16 @@ class TrajectoryTask:
             Exception: any exception of a plugin.
         """
         if request == "known":
-            return self._known(), b""
+            return self._exact_end(), b""
         value, member = arguments
-        # the warm-up has no time limit but that of the case; the whole motion has contacts of all kinds
+        # the warm-up simulates the whole motion, which has contacts of all kinds, within the limit of the case
         task = replace(self, seconds=math.inf) if request == "warm_up" else self
         try:
-            return task._simulated(value, member), b""
+            return task._simulate(value, member), b""
         except UnsupportedStepError as error:
             return {"unsupported_reason": str(error)}, b""
 
-    def _known(self) -> dict[str, Any]:
+    def _exact_end(self) -> dict[str, Any]:
         """Return the exact end of the motion (empty if unknown), its start, and the reference length of the scene."""
         scene, measure, duration = self._scene(self.problem.members[0]), self.problem.measure, self.problem.duration
         recorder = MotionRecorder(scene)
@@ -64,12 +71,14 @@ class TrajectoryTask:
         return {"values": measure.values(recorder, duration), "start": start, "length": scene.length}
 
     def _scene(self, member: float) -> Scene:
+        """Return the scene, with the seed ``member`` if members are seeds."""
         name, options = parse_scene(self.problem.name)
         if self.problem.varies_seeds:
             options["seed"] = int(member)
         return make_scene(name, options) if plugin_scene(name) is None else build_plugin_scene(name, options)
 
     def _plan(self, value: float, member: float) -> SimulationPlan:
+        """Return the plan of the simulation of a member at a value of the ladder."""
         scene, (stepper, tolerance) = self._scene(member), self.method.setting(value)
         stepper = stepper.with_defaults_of(scene)
         if not self.problem.varies_seeds:
@@ -85,33 +94,34 @@ class TrajectoryTask:
             states=1,
         )
 
-    def _simulated(self, value: float, member: float) -> dict[str, Any]:
+    def _simulate(self, value: float, member: float) -> dict[str, Any]:
+        """Simulate a member at a value of the ladder; return the fields of a ``SimulationRound``."""
         plan = self._plan(value, member)
         simulation, recorder, solves = Simulation(plan), MotionRecorder(plan.scene), 0
-        most = self.max_solves if plan.stepper.locates_switches else math.inf
+        max_solves = self.max_solves if plan.stepper.locates_switches else math.inf
         clocks, before, end = StepClocks(plan.solver), ContextSwitches.now(), time.monotonic() + self.seconds
 
-        def on_step(number: int, taken: AcceptedStep) -> None:
+        def on_step(number: int, step: AcceptedStep) -> None:
             nonlocal solves
-            solves += taken.solves
-            recorder.record(taken.end)
+            solves += step.solves
+            recorder.record(step.end)
 
         status, reason = Status.SOLVED, ""
         try:
             advance(
                 simulation,
                 on_step=[on_step],
-                should_stop=lambda: solves > most or time.monotonic() > end,
+                should_stop=lambda: solves > max_solves or time.monotonic() > end,
                 watch_steps=clocks.watch,
             )
         except FailedSimulationError as failure:
             status, reason = Status.STALLED, _reason(failure)
-        at = f"at {simulation.state.time:.4g} of {plan.until:.4g} s"
+        progress = f"at {simulation.state.time:.4g} of {plan.until:.4g} s"
         values = self.problem.measure.values(recorder, self.problem.duration)
         if status is Status.SOLVED and not simulation.is_finished:
-            status, reason = Status.TIME_LIMIT, f"given up after {self.seconds:g} s, {at}"
-            if solves > most:
-                status, reason = Status.ITERATION_LIMIT, f"given up after {most} one-step solves, {at}"
+            status, reason = Status.TIME_LIMIT, f"given up after {self.seconds:g} s, {progress}"
+            if solves > max_solves:
+                status, reason = Status.ITERATION_LIMIT, f"given up after {max_solves} one-step solves, {progress}"
         elif status is Status.SOLVED and not np.isfinite(list(values.values())).all():
             status, reason = Status.DIVERGED, NOT_FINITE
         return {

@@ -24,6 +24,7 @@ MAX_BYTES = 2**30
 """Largest size of an unpacked bundle [bytes]."""
 
 _REMEDY = "get it again from its source"
+"""Remedy for a damaged bundle."""
 
 _GZIP = b"\x1f\x8b"
 """First bytes of a bundle."""
@@ -78,7 +79,7 @@ class Bundle:
         return [case for case in self.cases if problem in (None, case.problem)], []
 
     def read_problem(self, digest: str) -> ContactProblem:
-        """Return a problem that the bundle contains by its digest, as ``Store.read_problem`` does."""
+        """Return a problem in the bundle by its digest, as ``Store.read_problem`` does."""
         return next(problem for problem in self.carried.values() if problem.digest == digest)
 
 
@@ -92,7 +93,7 @@ def open_run(path: Path) -> Store | Bundle:
 
 
 def output_folder(path: Path) -> Path:
-    """Return the folder for the tables, charts and page of a run: its own, or one named like a bundle, beside it."""
+    """Return the folder for the tables, charts and page of a run: the run, or the bundle path without suffix."""
     return path.with_suffix("") if is_bundle(path) else path
 
 
@@ -167,8 +168,8 @@ def read_bundle(path: Path) -> Bundle:
     except ValueError as error:
         raise BenchError(f"{path} is damaged ({error}); {_REMEDY}.") from None
     content = decode_record(text, _Content, str(path), _REMEDY)
-    found = (read_problem(io.BytesIO(one), f"a problem of {path}") for one in content.problems)
-    problems, listed = {problem.digest: problem for problem in found}, content.run.carried
+    read = (read_problem(io.BytesIO(packed_file), f"a problem of {path}") for packed_file in content.problems)
+    problems, listed = {problem.digest: problem for problem in read}, content.run.carried
     if problems.keys() != set(listed.values()):
         raise BenchError(f"{path} is damaged (its problems differ from its list of problems); {_REMEDY}.")
     carried = {name: problems[digest].renamed(name) for name, digest in listed.items()}
@@ -179,7 +180,8 @@ def _checked(bundle: Bundle) -> Bundle:
     """Return a bundle if its parts are consistent.
 
     Raises:
-        BenchError: if they are not, if nothing is measured, or if it is a study or from another version of the judge.
+        BenchError: if they are inconsistent, nothing is measured, or the run is a study or from another version of the
+            judge.
     """
     run, source, plan = bundle.run, bundle.source, bundle.run.plan
     if plan.trajectories:
@@ -205,6 +207,6 @@ def _fault(case: CaseRecord, run: RunRecord) -> str:
     measured = [point.measured for point in case.points if point.measured is not None]
     if [point.tolerance for point in case.points] != ladder:
         return "has other tolerances than its plan"
-    if any(one.session >= len(run.sessions) for point in case.points for one in point.rounds):
+    if any(timed.session >= len(run.sessions) for point in case.points for timed in point.rounds):
         return "has rounds of a session that its run does not have"
     return "has no impulses" if measured and not measured[-1].impulses else ""

@@ -70,8 +70,8 @@ def _merged(bundles: Sequence[Bundle], folder: Path, plan: PlanRecord) -> Bundle
     digests: dict[str, str] = {}
     starts: dict[str, str] = {}
     for bundle in bundles:
-        sessions += [one for one in bundle.run.sessions if one not in sessions]
-        session_indices = [sessions.index(one) for one in bundle.run.sessions]
+        sessions += [session for session in bundle.run.sessions if session not in sessions]
+        session_indices = [sessions.index(session) for session in bundle.run.sessions]
         for case in bundle.cases:
             if digests.setdefault(case.problem, case.digest) != case.digest:
                 raise BenchError(
@@ -82,8 +82,8 @@ def _merged(bundles: Sequence[Bundle], folder: Path, plan: PlanRecord) -> Bundle
                     f"the warm solvers on {case.problem!r} of {bundle.source} start from other steps or contacts than "
                     "in another source; leave one of them out."
                 )
-            found, key = (with_sessions(case, session_indices), bundle), (case.problem, case.solver)
-            cases[key] = _chosen(cases[key], found) if key in cases else found
+            candidate, key = (with_sessions(case, session_indices), bundle), (case.problem, case.solver)
+            cases[key] = _choose_record(cases[key], candidate) if key in cases else candidate
     merged = [case for case, _ in cases.values()]
     _require_one_machine(merged, sessions)
     carried = {name: problem for bundle in bundles for name, problem in bundle.carried.items()}
@@ -98,8 +98,12 @@ def _merged(bundles: Sequence[Bundle], folder: Path, plan: PlanRecord) -> Bundle
     return Bundle(folder, run, merged, carried)
 
 
-def _chosen(first: tuple[CaseRecord, Bundle], second: tuple[CaseRecord, Bundle]) -> tuple[CaseRecord, Bundle]:
-    """Return one of two records of a case with their sources: the finished one, or the first."""
+def _choose_record(first: tuple[CaseRecord, Bundle], second: tuple[CaseRecord, Bundle]) -> tuple[CaseRecord, Bundle]:
+    """Return one of two records of a case, with its source: the finished one, or the first.
+
+    Raises:
+        BenchError: if both are finished, but differ.
+    """
     is_finished = [case.is_finished(bundle.run.plan) for case, bundle in (first, second)]
     (case, source), (other, other_source) = first, second
     if all(is_finished) and case != other:
@@ -123,13 +127,13 @@ def _require_same_settings(bundles: Sequence[Bundle]) -> None:
 
 def _require_one_machine(cases: Iterable[CaseRecord], sessions: Sequence[Session]) -> None:
     """Raise ``BenchError`` if solvers of one problem were measured on different machines."""
-    found: dict[str, str] = {}
+    hosts: dict[str, str] = {}
     for case in cases:
-        for index in sorted({one.session for point in case.points for one in point.rounds}):
+        for index in sorted({timed.session for point in case.points for timed in point.rounds}):
             host = sessions[index].machine.host
-            if found.setdefault(case.problem, host) != host:
+            if hosts.setdefault(case.problem, host) != host:
                 raise BenchError(
-                    f"the solvers of {case.problem} were measured on different machines, {found[case.problem]} and "
+                    f"the solvers of {case.problem} were measured on different machines, {hosts[case.problem]} and "
                     f"{host}, whose times are not comparable; merge runs of different problems."
                 )
 
@@ -149,17 +153,17 @@ def _missing_shards(plans: Sequence[PlanRecord]) -> list[str]:
     """Return a sentence for each missing shard of a divided run."""
     if not _are_shards(plans):
         return []
-    count, found = _shard(plans[0])[1], {_shard(plan)[0] for plan in plans}
-    return [f"shard {number}/{count} is missing." for number in range(1, count + 1) if number not in found]
+    count, numbers = _shard(plans[0])[1], {_shard(plan)[0] for plan in plans}
+    return [f"shard {number}/{count} is missing." for number in range(1, count + 1) if number not in numbers]
 
 
 def _merged_plan(plans: Sequence[PlanRecord]) -> PlanRecord:
     """Return the plan of all runs; problems of shards alternate, as before the run was divided."""
-    names = [plan.problems for plan in (sorted(plans, key=_shard) if _are_shards(plans) else plans)]
-    rounds_of_names = zip_longest(*names) if _are_shards(plans) else names
+    name_lists = [plan.problems for plan in (sorted(plans, key=_shard) if _are_shards(plans) else plans)]
+    rows = zip_longest(*name_lists) if _are_shards(plans) else name_lists
     return replace(
         plans[0],
-        problems=_unique(name for turn in rounds_of_names for name in turn if name is not None),
+        problems=_unique(name for row in rows for name in row if name is not None),
         solvers=_unique(name for plan in plans for name in plan.solvers),
         families={name: family for plan in plans for name, family in plan.families.items()},
         suite=plans[0].suite if len({plan.suite for plan in plans}) == 1 else "",
@@ -170,19 +174,19 @@ def _merged_plan(plans: Sequence[PlanRecord]) -> PlanRecord:
 
 def _unique(items: Iterable[Item]) -> list[Item]:
     """Return the items in order, each once; they need not be hashable."""
-    found: list[Item] = []
+    kept: list[Item] = []
     for item in items:
-        if item not in found:
-            found.append(item)
-    return found
+        if item not in kept:
+            kept.append(item)
+    return kept
 
 
 def _write(folder: Path, merged: Bundle) -> None:
-    """Write a run into a temporary folder, which is then renamed to ``folder``."""
+    """Write a run into a temporary folder, and rename it to ``folder``."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".", suffix=PART) as made:
-            store = Store.create(Path(made, "run"))
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".", suffix=PART) as temporary_folder:
+            store = Store.create(Path(temporary_folder, "run"))
             for problem in merged.carried.values():
                 store.write_problem(problem)
             for case in merged.cases:

@@ -2,7 +2,7 @@
 
 Judges on two machines differ by rounding, because sums are evaluated in different orders. The impulses are therefore
 judged again with ``N_CHANGES`` relative changes of ``ROUNDING``. Numbers agree if they differ by at most ``MARGIN``
-times the effect of these changes plus ``RELATIVE`` times their size. On one machine they are bitwise identical.
+times the effect of these changes plus ``RELATIVE`` times their size. On one machine, the numbers are bitwise identical.
 
 Times, iterations, and the residuals of all but the finest point of a case cannot be recomputed. These residuals must be
 consistent with the outcomes of their points.
@@ -94,19 +94,19 @@ def rejudge(file: os.PathLike[str] | str, on_case: OnCase = lambda done, total: 
 
 def rejudge_bundle(bundle: Bundle, on_case: OnCase = lambda done, total: None) -> RejudgeResult:
     """Recompute the residuals of a bundle that has been read; see ``rejudge``."""
-    found, known = RejudgeResult(n_cases=len(bundle.cases)), dict[str, ContactProblem]()
+    result, problems = RejudgeResult(n_cases=len(bundle.cases)), dict[str, ContactProblem]()
     for done, case in enumerate(sorted(bundle.cases, key=lambda case: case.problem), 1):
         try:
-            if case.problem not in known:
-                known = {case.problem: bundle.problem(case.problem)}
-            _judge_again(case, known[case.problem], found)
+            if case.problem not in problems:
+                problems = {case.problem: bundle.problem(case.problem)}
+            _judge_again(case, problems[case.problem], result)
         except (_Disagreement, ProxbenchError) as disagreement:
-            found.disagreements.append(f"{case.solver} on {case.problem}: {disagreement}")
+            result.disagreements.append(f"{case.solver} on {case.problem}: {disagreement}")
         on_case(done, len(bundle.cases))
-    return found
+    return result
 
 
-def _judge_again(case: CaseRecord, problem: ContactProblem, found: RejudgeResult) -> None:
+def _judge_again(case: CaseRecord, problem: ContactProblem, result: RejudgeResult) -> None:
     """Judge the finest point of a case again, and compare the other points with their outcomes.
 
     Raises:
@@ -127,8 +127,8 @@ def _judge_again(case: CaseRecord, problem: ContactProblem, found: RejudgeResult
             raise _Disagreement(f"at {point.tolerance:g}, {fault}")
     finest = next((point.measured for point in reversed(case.points) if point.measured is not None), None)
     if finest is not None:
-        _judge_point(finest, problem, model, found)
-        found.n_judged += 1
+        _judge_point(finest, problem, model, result)
+        result.n_judged += 1
 
 
 def _claim_fault(point: Point, model: Model) -> str:
@@ -152,7 +152,7 @@ def _claim_fault(point: Point, model: Model) -> str:
     return "" if point.outcome in possible else f"{counts} with the residual {own:.1e}{relaxed}"
 
 
-def _judge_point(measured: Measured, problem: ContactProblem, model: Model, found: RejudgeResult) -> None:
+def _judge_point(measured: Measured, problem: ContactProblem, model: Model, result: RejudgeResult) -> None:
     """Recompute residuals and verdict of a point.
 
     Raises:
@@ -165,33 +165,36 @@ def _judge_point(measured: Measured, problem: ContactProblem, model: Model, foun
             impulses = kept.unpacked(problem.n_rows)
         except ValueError as error:
             raise _Disagreement(f"its impulses cannot be read: {error}") from None
-        again = verdicts(problem, impulses, model)
-        moved = [verdicts(problem, one, model) for one in _perturbed(impulses)]
+        recomputed = verdicts(problem, impulses, model)
+        perturbed = [verdicts(problem, changed, model) for changed in _perturbed(impulses)]
         for name, stated, law in (("residual", kept.residual, 1), ("model_residual", kept.model_residual, 0)):
-            number = again[law].residual
-            change = max(abs(number - one[law].residual) for one in moved)
+            number = recomputed[law].residual
+            change = max(abs(number - verdict_pair[law].residual) for verdict_pair in perturbed)
             _compare(name, number_of(stated), number, change)
-            found.n_residuals += 1
-            found.n_identical += number_of(stated) == number
+            result.n_residuals += 1
+            result.n_identical += number_of(stated) == number
         if index == 0:
-            _compare_verdict(measured, again[1], [one[1] for one in moved])
+            _compare_verdict(measured, recomputed[1], [coulomb for _, coulomb in perturbed])
             _compare_answer(measured, problem, impulses)
     for name in ("residual", "model_residual"):
-        if number_of(getattr(measured, name)) != max(number_of(getattr(one, name)) for one in measured.impulses):
+        if number_of(getattr(measured, name)) != max(number_of(getattr(kept, name)) for kept in measured.impulses):
             raise _Disagreement(f"its {name.replace('_', ' ')} is not that of its impulses")
 
 
-def _compare_verdict(measured: Measured, again: Verdict, moved: Sequence[Verdict]) -> None:
-    numbers, others = again.numbers(), [one.numbers() for one in moved]
+def _compare_verdict(measured: Measured, recomputed: Verdict, perturbed: Sequence[Verdict]) -> None:
+    """Raise ``_Disagreement`` if a number of the stored verdict differs from the recomputed one."""
+    numbers, perturbed_numbers = recomputed.numbers(), [verdict.numbers() for verdict in perturbed]
     if set(measured.verdict) != set(numbers):
         raise _Disagreement("its verdict does not have the entries of that of the judge")
     for name, number in numbers.items():
         stated = measured.verdict[name]
         if isinstance(number, bool) or number is None or isinstance(stated, bool):
             if stated is not number:
-                raise _Disagreement(f"{_words(name)} {stated}, but the judge finds {number}")
+                raise _Disagreement(f"{_claim_text(name)} {stated}, but the judge finds {number}")
         else:
-            changes = [abs(number - number_of(one[name])) for one in others if one[name] is not None]
+            changes = [
+                abs(number - number_of(values[name])) for values in perturbed_numbers if values[name] is not None
+            ]
             change = max(changes, default=0.0)
             _compare(name, number_of(stated), number_of(number), change)
 
@@ -211,17 +214,20 @@ def _compare(name: str, stated: float, number: float, change: float) -> None:
         return
     allowed = RELATIVE * max(abs(stated), abs(number)) + MARGIN * change
     if not (np.isfinite(stated) and np.isfinite(number) and abs(stated - number) <= allowed):
-        raise _Disagreement(f"{_words(name)} {stated:.6e}, but the judge finds {number:.6e}")
+        raise _Disagreement(f"{_claim_text(name)} {stated:.6e}, but the judge finds {number:.6e}")
 
 
-def _words(name: str) -> str:
+def _claim_text(name: str) -> str:
+    """Return the beginning of a sentence about a number of the bundle."""
     return f"the bundle reports {name.replace('_', ' ')}"
 
 
 def _perturbed(impulses: FloatArray) -> list[FloatArray]:
-    """Return Λ [N s] with random relative changes of ``ROUNDING`` of either sign, the same at each call.
+    """Return ``N_CHANGES`` copies of Λ [N s], shape (n_rows,), with random relative changes of ± ``ROUNDING``.
 
-    Several changes are needed, because one may leave a median over few contacts unchanged.
+    The changes are the same in each call.
+
+    Several copies are needed, because one may leave a median over few contacts unchanged.
     """
     signs = np.random.default_rng(0).choice((-1.0, 1.0), size=(N_CHANGES, *impulses.shape))
     return list(impulses * (1.0 + ROUNDING * signs))

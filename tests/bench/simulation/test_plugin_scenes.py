@@ -223,7 +223,7 @@ def test_a_plugin_that_offers_scenes_only_has_nothing_to_check(capsys: pytest.Ca
 def test_the_process_of_a_scene_ends_with_it() -> None:
     system = RemoteSystem("tower", {}, 60.0)
     system.scene()
-    running = system._running
+    running = system._workers
     assert running
     del system
     assert not running

@@ -55,25 +55,25 @@ class DartEngine:
     def solved_problem(self) -> SolvedProblem | None:
         """Return the problem of the last step; None without contacts.
 
-        DART's forces act on the first body of a contact, along its normal.
+        DART's normal and force point to the first body of a contact, which is therefore ``body_2``.
         """
-        found = self.world.getLastCollisionResult().getContacts()
-        if not found:
+        contacts = self.world.getLastCollisionResult().getContacts()
+        if not contacts:
             return None
         index = {body.getName(): k for k, body in enumerate(self.bodies)}
-        normals = np.array([contact.normal for contact in found])
-        forces = np.array([contact.force for contact in found])
+        normals = np.array([contact.normal for contact in contacts])
+        forces = np.array([contact.force for contact in contacts])
         axes = contact_frames(normals)
-        contacts = {
-            "body_1": [index.get(_body_name(contact.collisionObject2), -1) for contact in found],
-            "body_2": [index.get(_body_name(contact.collisionObject1), -1) for contact in found],
-            "point": [contact.point for contact in found],
+        arrays = {
+            "body_1": [index.get(_body_name(contact.collisionObject2), -1) for contact in contacts],
+            "body_2": [index.get(_body_name(contact.collisionObject1), -1) for contact in contacts],
+            "point": [contact.point for contact in contacts],
             "normal": normals,
             "tangent": axes[:, 1],
-            "distance": [-contact.penetrationDepth for contact in found],
+            "distance": [-contact.penetrationDepth for contact in contacts],
         }
         impulses = self.time_step * np.einsum("kij,kj->ki", axes, forces)
-        return solved_problem(self.description, self._before, self.time_step, contacts, impulses)
+        return solved_problem(self.description, self._before, self.time_step, arrays, impulses)
 
     def _add_static_bodies(self) -> None:
         dynamics = self.library.dynamics

@@ -1,4 +1,4 @@
-"""Descriptions of scenes that every engine builds: balls and cubes with one friction coefficient, above static boxes.
+"""Descriptions of scenes that every engine builds: balls and cubes with one friction coefficient, and static boxes.
 
 Bodies are homogeneous. They do not rebound, their motion is not damped, and friction resists neither rolling nor
 spinning.
@@ -46,9 +46,9 @@ class Panel:
     """A static box.
 
     Attributes:
-        centre: centre [m].
+        centre: centre [m], shape (3,).
         half_sizes: half the edge lengths [m].
-        rotation: its axes as columns, shape (3, 3).
+        rotation: axes of the box as columns, shape (3, 3).
     """
 
     centre: FloatArray

@@ -36,9 +36,9 @@ class EngineKind:
     Attributes:
         module: name of its driver, a module of this package.
         distribution: name of the distribution whose version is stored.
-        tested_version: beginning of the versions with which the driver was tested.
+        tested_version: beginning of the versions with which the driver was tested; empty for any version.
         settings: the settings that are compared.
-        model: how it differs from rigid bodies with Coulomb friction.
+        model: how the model of the engine differs from rigid bodies with Coulomb friction, for tables.
     """
 
     module: str
@@ -132,7 +132,7 @@ def version_of(name: str) -> str:
     """Return the version of an engine.
 
     Raises:
-        BenchError: if it is unknown, not installed, or was not tested in this version.
+        BenchError: if the engine is unknown, not installed, or was not tested in this version.
     """
     if name not in ENGINES:
         raise BenchError(f"there is no engine {name!r}{suggestion(name, ENGINES)}")

@@ -44,7 +44,7 @@ class Measurement(msgspec.Struct, frozen=True, kw_only=True):
         own_residual: largest residual of the judged steps under the engine's own model, None if it publishes none.
         residual: largest judged residual of the judged steps under Coulomb's law, None if impulses are unknown.
         solved_residual: largest residual of Proxbench's solver ``Robust`` on the same problems; None for many bodies.
-        failure: why there is no measurement, empty if there is one.
+        failure: why the run has no measurement; empty if it has one.
     """
 
     scene: str
@@ -66,7 +66,8 @@ def measure(
     """Step an engine through a scene.
 
     Returns:
-        The motion; wall and processor time of all steps [s]; the problems of ``JUDGED_FRAMES`` steps.
+        The motion; wall and processor time of all steps [s]; the problems of at most ``JUDGED_FRAMES`` steps, those
+        with contacts.
     """
     per_frame = round(description.frame / time_step)
     n_frames = round(description.duration / description.frame)
@@ -97,9 +98,9 @@ def motion_of(times: Sequence[float] | np.ndarray, frames: Sequence[BodyStates])
 
 
 def measure_setting(scene: str, engine: str, setting: str) -> Measurement:
-    """Measure one run in this process."""
+    """Measure one run in this process, given the names of its scene, engine and setting."""
     description = describe(scene)
-    chosen = next(one for one in ENGINES[engine].settings if one.name == setting)
+    chosen = next(known for known in ENGINES[engine].settings if known.name == setting)
     time_step = description.step * chosen.step_factor
     motion, wall, processor, solved = measure(description, build(engine, description, chosen), time_step)
     errors = description.measure(description, motion) if np.isfinite(motion.positions).all() else ()
@@ -112,20 +113,20 @@ def measure_setting(scene: str, engine: str, setting: str) -> Measurement:
         wall_seconds=wall / description.duration,
         processor_seconds=processor / description.duration,
         errors=dict(zip(description.errors, map(float, errors), strict=bool(errors))),
-        own_residual=max((one.own_residual for one in solved if one.own_residual is not None), default=None),
-        residual=max((judge(one.problem, one.impulses).residual for one in solved), default=None),
+        own_residual=max((step.own_residual for step in solved if step.own_residual is not None), default=None),
+        residual=max((judge(step.problem, step.impulses).residual for step in solved), default=None),
         solved_residual=max(map(_residual_of_robust, solved_again), default=None),
         failure="" if errors else "the motion is not finite",
     )
 
 
-def _residual_of_robust(one: SolvedProblem) -> float:
+def _residual_of_robust(solved: SolvedProblem) -> float:
     """Return the judged residual to which ``Robust`` solves a problem."""
     from .....problems.contact.solver import Stop
     from .....solvers.registry import create
 
-    solution = create("Robust").prepare(one.problem).solve(Stop(ACCURATE_RESIDUAL, 10_000, math.inf))
-    return judge(one.problem, solution.impulses).residual
+    solution = create("Robust").prepare(solved.problem).solve(Stop(ACCURATE_RESIDUAL, 10_000, math.inf))
+    return judge(solved.problem, solution.impulses).residual
 
 
 def stay_on_one_core() -> None:

@@ -80,7 +80,7 @@ def build(description: Description, time_step: float, options: dict[str, Any]) -
 
 
 def model_xml(description: Description, time_step: float, options: dict[str, Any]) -> str:
-    """Return the model. MuJoCo takes the larger of two friction coefficients, so all are μ."""
+    """Return the model in MJCF. MuJoCo takes the larger of two friction coefficients, so all are μ."""
     names = ("cone", "impratio", "solver", "iterations", "tolerance")
     solver = {name: options[name] for name in names if name in options}
     contact = f'friction="{description.friction} 0 0" condim="3"'
@@ -89,8 +89,8 @@ def model_xml(description: Description, time_step: float, options: dict[str, Any
     geoms = ['<geom type="plane" size="0 0 1"/>'] if description.has_floor else []
     for panel in description.panels:
         x, y, z, w = panel.quaternion
-        place = f'pos="{_numbers(panel.centre)}" quat="{_numbers((w, x, y, z))}"'
-        geoms.append(f'<geom type="box" size="{_numbers(panel.half_sizes)}" {place}/>')
+        pose = f'pos="{_numbers(panel.centre)}" quat="{_numbers((w, x, y, z))}"'
+        geoms.append(f'<geom type="box" size="{_numbers(panel.half_sizes)}" {pose}/>')
     for body in description.bodies:
         shape = f'type="box" size="{_numbers(3 * [body.half_size])}"' if body.is_cube else f'size="{body.half_size!r}"'
         geom = f'<geom {shape} mass="{body.mass!r}"/>'

@@ -1,4 +1,4 @@
-"""Proxbench itself: Moreau's midpoint rule on its own scene of the same bodies and start."""
+"""Proxbench itself: Moreau's midpoint rule on Proxbench's own scene with the same bodies and start."""
 
 from typing import Any
 
@@ -52,7 +52,7 @@ class OwnEngine:
         """Store nothing: each step keeps its problem."""
 
     def solved_problem(self) -> SolvedProblem | None:
-        """Return the problem of the last step."""
+        """Return the problem of the last step; None without contacts."""
         solved = self._last.substeps[0][0]
         return None if solved.problem is None else SolvedProblem(solved.problem, solved.impulses)
 

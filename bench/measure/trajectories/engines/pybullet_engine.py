@@ -34,7 +34,7 @@ class PyBulletEngine:
             library.changeDynamics(
                 body,
                 -1,
-                lateralFriction=float(np.sqrt(description.friction)),  # Bullet multiplies those of two bodies
+                lateralFriction=float(np.sqrt(description.friction)),  # Bullet multiplies two coefficients
                 restitution=0.0,
                 linearDamping=0.0,
                 angularDamping=0.0,
@@ -60,17 +60,17 @@ class PyBulletEngine:
     def solved_problem(self) -> SolvedProblem | None:
         """Return the problem of the last step; None without contacts."""
         index = {body: k for k, body in enumerate(self.bodies)}
-        found = [c for c in self.library.getContactPoints() if c[1] in index or c[2] in index]
+        points = [c for c in self.library.getContactPoints() if c[1] in index or c[2] in index]
         contacts = {
-            "body_1": [index.get(c[2], -1) for c in found],
-            "body_2": [index.get(c[1], -1) for c in found],
-            "point": [c[5] for c in found],
-            "point_1": [c[6] for c in found],
-            "normal": [c[7] for c in found],
-            "distance": [c[8] for c in found],
-            "tangent": [c[11] for c in found],
+            "body_1": [index.get(c[2], -1) for c in points],
+            "body_2": [index.get(c[1], -1) for c in points],
+            "point": [c[5] for c in points],
+            "point_1": [c[6] for c in points],
+            "normal": [c[7] for c in points],
+            "distance": [c[8] for c in points],
+            "tangent": [c[11] for c in points],
         }
-        impulses = self.time_step * np.array([[c[9], c[10], c[12]] for c in found])
+        impulses = self.time_step * np.array([[c[9], c[10], c[12]] for c in points])
         return solved_problem(self.description, self._before, self.time_step, contacts, impulses)
 
     def _add_panel(self, panel: Any) -> int:

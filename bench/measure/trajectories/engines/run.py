@@ -32,9 +32,9 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     Attributes:
         measurements: one per scene, engine and setting, with the shortest times of all rounds.
         versions: version of each engine, by its name.
-        rounds: number of runs of each setting; in an interrupted comparison, of complete rounds, but at least 1.
-        load: load average over one minute, before and after the runs. A resumed comparison stores the largest of
-            all earlier values as the first one.
+        rounds: number of runs of each setting; in an interrupted comparison, the number of complete rounds, at least 1.
+        load: load average over one minute, before and after the runs. The first value of a resumed comparison is
+            the largest value before its runs, including those of the earlier comparison.
         machine: the machine, as in the record of a run.
         is_interrupted: whether Ctrl-C ended the comparison before its last run.
     """
@@ -49,7 +49,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     def best(self, scene: str, engine: str) -> Measurement | None:
         """Return the best measurement of an engine in a scene, or None if all runs failed.
 
-        It is the fastest of the most accurate runs: those whose first error of the scene is negligible, or at most
+        The best run is the fastest of the most accurate ones, whose first error of the scene is negligible, or at most
         ``ERROR_MARGIN`` times the smallest one.
         """
         description = describe(scene)
@@ -149,7 +149,7 @@ def _require_comparable(earlier: Comparison, versions: dict[str, str], machine: 
     """Raise ``BenchError`` if new runs are not comparable with earlier ones."""
     pairs = [(engine, version, earlier.versions.get(engine, version)) for engine, version in versions.items()]
     pairs.append(("processor", machine["processor"], earlier.machine["processor"]))
-    source, earlier_source = (str(one.get("source"))[:DIGEST_LENGTH] for one in (machine, earlier.machine))
+    source, earlier_source = (str(record.get("source"))[:DIGEST_LENGTH] for record in (machine, earlier.machine))
     pairs.append(("the source of Proxbench with the digest", source, earlier_source))
     for name, new, old in pairs:
         if new != old:
@@ -159,12 +159,14 @@ def _require_comparable(earlier: Comparison, versions: dict[str, str], machine: 
 def _run_keys(scenes: Iterable[str], engines: Iterable[str]) -> Iterable[tuple[str, str, str]]:
     """Yield (scene, engine, setting) of each run, alternating between the engines of a scene."""
     for scene in scenes:
-        for settings in itertools.zip_longest(*([(e, s.name) for s in ENGINES[e].settings] for e in engines)):
-            yield from ((scene, *setting) for setting in settings if setting is not None)
+        for keys in itertools.zip_longest(
+            *([(engine, setting.name) for setting in ENGINES[engine].settings] for engine in engines)
+        ):
+            yield from ((scene, *key) for key in keys if key is not None)
 
 
 def _with_shorter_times(previous: Measurement | None, latest: Measurement) -> Measurement:
-    """Return the latest measurement with the shorter times of both, or the failed one."""
+    """Return the latest measurement with the shorter times of both; if one failed, return the failed one."""
     if previous is None or latest.failure:
         return latest
     if previous.failure:
@@ -189,6 +191,7 @@ def _measure_in_subprocess(scene: str, engine: str, setting: str) -> Measurement
 
 
 def _failed_measurement(scene: str, engine: str, setting: str, failure: str) -> Measurement:
-    factor = next(one.step_factor for one in ENGINES[engine].settings if one.name == setting)
+    """Return the measurement of a run that failed for the reason ``failure``."""
+    factor = next(known.step_factor for known in ENGINES[engine].settings if known.name == setting)
     time_step = describe(scene).step * factor
     return Measurement(scene=scene, engine=engine, setting=setting, time_step=time_step, failure=failure)

@@ -11,7 +11,7 @@ scene                   bodies                                                  
 ``funnel``              250 balls, which pour through a funnel                  overlap 0; energy never grows
 ======================= ======================================================= ==================================
 
-A sliding cube with μ < 1 does not topple, because the supporting force acts at μ/2 edge lengths ahead of its centre.
+A sliding cube with μ < 1 does not topple, because the supporting force acts μ/2 edge lengths ahead of its centre.
 The solution of a cone program, whose velocity lies in the dual cone, instead throws the cube up: v_N = μ ‖v_T‖ with
 ‖v_T‖ = v − μ v_N gives v_N = μ v/(1 + μ²), here a rise of v_N²/(2g) = 293.6 mm.
 """
@@ -79,7 +79,7 @@ def _measure_slide(scene: Description, motion: Motion) -> tuple[float, ...]:
 
 
 def _measure_drift(scene: Description, motion: Motion) -> tuple[float, ...]:
-    """Return the largest displacement of a resting cube along its slope [mm], and its largest rise [mm]."""
+    """Return the largest displacement of a resting cube in the plane of its slope [mm], and its largest rise [mm]."""
     return _drift(motion), _lift(motion)
 
 
@@ -112,7 +112,7 @@ def _measure_pile(scene: Description, motion: Motion) -> tuple[float, ...]:
 
 
 def pour(balls: int) -> Description:
-    """Return balls that pour through a funnel."""
+    """Return the scene ``funnel`` with a number of balls."""
     errors = ("overlap [r]", "energy gained [m g r]", "balls through")
     return _of_balls("funnel", balls, 4.5, 0.6, errors, _measure_funnel)
 
@@ -134,7 +134,7 @@ def _of_cubes(
     own_options: dict[str, Any],
     gravity: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY),
 ) -> Description:
-    """Return cubes of one size; overlap, size, mass and friction are added to the options of Proxbench's scene."""
+    """Return a scene of cubes of one size; its own options get the overlap, size, mass and friction of the cubes."""
     edge = 2.0 * cubes[0].half_size
     common = {"overlap": OVERLAP, "size": (edge, edge, edge), "mass": cubes[0].mass, "friction": friction}
     own = (own_scene, own_options | common)
@@ -149,13 +149,13 @@ def _of_balls(
     errors: tuple[str, ...],
     measure: Callable[[Description, Motion], tuple[float, ...]],
 ) -> Description:
-    """Return balls that start as those of Proxbench's scene of the same name, in a funnel of flat panels."""
+    """Return a scene of balls that start as in Proxbench's scene of that name, in a funnel of flat panels."""
     start = Funnel(count, STANDARD_EFFECTS, outlet).start()
-    drop = start.velocity.reshape(count, -1)[:, :3]
+    velocities = start.velocity.reshape(count, -1)[:, :3]
     centres = start.position.reshape(count, 3)
     balls = tuple(
         Body(False, RADIUS, MASS, tuple(map(float, x)), tuple(map(float, v)))  # type: ignore[arg-type]
-        for x, v in zip(centres, drop, strict=True)
+        for x, v in zip(centres, velocities, strict=True)
     )
     own = (name, {"balls": count, "restitution": 0.0})
     return Description(
@@ -172,7 +172,7 @@ def _panels() -> tuple[Panel, ...]:
     top = outlet + CONE_HEIGHT
     width = top * float(np.tan(np.pi / FACETS)) + PANEL_THICKNESS
     up = np.array([0.0, 0.0, 1.0])
-    made = []
+    panels = []
     for angle in 2.0 * np.pi * np.arange(FACETS) / FACETS:
         outward = np.array([np.cos(angle), np.sin(angle), 0.0])
         for lower, along, length in (
@@ -183,20 +183,23 @@ def _panels() -> tuple[Panel, ...]:
             inward = np.cross(along, across)
             centre = lower + 0.5 * length * along - 0.5 * PANEL_THICKNESS * inward
             half = (0.5 * float(length), width, 0.5 * PANEL_THICKNESS)
-            made.append(Panel(centre, half, np.column_stack([along, across, inward])))
-    return tuple(made)
+            panels.append(Panel(centre, half, np.column_stack([along, across, inward])))
+    return tuple(panels)
 
 
 def _lift(motion: Motion) -> float:
+    """Return the largest rise of a centre above its start [mm]."""
     return 1e3 * float((motion.positions[:, :, 2] - motion.positions[0, :, 2]).max())
 
 
 def _drift(motion: Motion) -> float:
-    moved = motion.positions[:, :, :2] - motion.positions[0, :, :2]
-    return 1e3 * float(np.linalg.norm(moved, axis=2).max())
+    """Return the largest displacement of a centre from its start, parallel to the floor [mm]."""
+    displacements = motion.positions[:, :, :2] - motion.positions[0, :, :2]
+    return 1e3 * float(np.linalg.norm(displacements, axis=2).max())
 
 
 def _speeds(motion: Motion) -> FloatArray:
+    """Return the speeds of all centres [m/s], shape (n_frames, n_bodies)."""
     speeds: FloatArray = np.linalg.norm(motion.velocities, axis=2)
     return speeds
 

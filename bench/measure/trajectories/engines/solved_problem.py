@@ -19,7 +19,7 @@ class SolvedProblem:
     Attributes:
         problem: the problem.
         impulses: the impulses Λ of the engine [N s], shape (n_rows,).
-        own_residual: residual of its forces under the engine's own model; None if the engine does not publish one.
+        own_residual: residual of the impulses under the engine's own model; None if the engine publishes none.
     """
 
     problem: ContactProblem
@@ -30,7 +30,15 @@ class SolvedProblem:
 def solved_problem(
     description: Description, before: BodyStates, time_step: float, contacts: dict[str, Any], impulses: FloatArray
 ) -> SolvedProblem | None:
-    """Return the problem of a step from its contacts, arrays of the format ``bodies``; None without contacts."""
+    """Return the problem of a step with the impulses of the engine; None without contacts.
+
+    Args:
+        description: the scene.
+        before: the states of the bodies before the step.
+        time_step: time step [s].
+        contacts: the arrays of contacts, named as in the format ``bodies``.
+        impulses: Λ_N, Λ_T1, Λ_T2 of each contact on its body 2 [N s], shape (n_contacts, 3).
+    """
     if not len(impulses):
         return None
     bodies = description.bodies
@@ -44,5 +52,5 @@ def solved_problem(
         "time_step": time_step,
         "mu": description.friction,
     }
-    made = problem_of_arrays({name: np.asarray(value) for name, value in (arrays | contacts).items()}, Repair())
-    return SolvedProblem(made, impulses.ravel())
+    problem = problem_of_arrays({name: np.asarray(value) for name, value in (arrays | contacts).items()}, Repair())
+    return SolvedProblem(problem, impulses.ravel())
