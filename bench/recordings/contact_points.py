@@ -144,7 +144,10 @@ def _from_factors(problem: ContactProblem) -> Places | None:
 def _reconstruct_bodies(
     pairs: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, least_radii: FloatArray
 ) -> Bodies:
-    """Return the bodies in contact; a body whose arms fit a ball is a ball if its radius is at least ``least_radii``."""
+    """Return the bodies in contact.
+
+    A body is a ball if its arms fit a ball whose radius is at least that of ``least_radii`` [m], shape (n_bodies,).
+    """
     n_bodies = len(centres)
     contact, side = np.nonzero(pairs < n_bodies)
     body, arm = pairs[contact, side], arms[contact, side]
@@ -162,7 +165,8 @@ def _reconstruct_bodies(
 def _least_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int) -> FloatArray:
     """Return the smallest radius r [m] at which each body can be a ball: θ = 2/5 m r² in space.
 
-    The radius is infinite for bodies without rotations, and for those whose mass matrix does not consist of blocks m I and θ I.
+    The radius is infinite for bodies without rotations, and for bodies whose mass matrix does not consist of blocks
+    m I and θ I.
     """
     assert problem.factors is not None
     inverse, length = problem.factors.inverse_mass.matrix, dimension + n_rotations

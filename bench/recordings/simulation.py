@@ -155,7 +155,7 @@ class SceneRecorder:
             )
 
     def _widen_axes(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
-        """Widen the axes of constant curves, to avoid magnified rounding errors; return whether the layout has changed."""
+        """Widen the axes of constant curves, to avoid magnified rounding errors; return whether the layout changes."""
         has_changed = False
         spans = MIN_SPANS | {name: MIN_OBSERVED / 10.0**exponent for name, exponent in self._exponents.items()}
         for view in plots:

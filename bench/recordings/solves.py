@@ -116,10 +116,11 @@ def record_solves(
         raise BenchError("name at least one solver to record.")
     if not problem.n_contacts:
         raise BenchError(f"the problem {problem.name!r} has no contacts; record another problem.")
-    contact_places = places if places is not None else find_places(problem)
-    if len(contact_places.positions) != problem.n_contacts:
+    found_places = places if places is not None else find_places(problem)
+    if len(found_places.positions) != problem.n_contacts:
         raise BenchError(
-            f"places have {len(contact_places.positions)} contacts, but the problem {problem.name!r} has {problem.n_contacts}."
+            f"places have {len(found_places.positions)} contacts, but the problem {problem.name!r} has "
+            f"{problem.n_contacts}."
         )
     specs = [solver_spec(solver) for solver in solvers]
     traces: list[Trace] = []
@@ -130,18 +131,18 @@ def record_solves(
         longest = max((trace.iterations[-1] for trace in traces if trace.iterations), default=0)
         ceilings = _ceilings(traces)
         names, heights = [trace.solver for trace in traces], _residual_heights(traces, ceilings["residual"])
-        blueprint = solves_blueprint(names, longest, _camera(contact_places), heights)
+        blueprint = solves_blueprint(names, longest, _camera(found_places), heights)
         stream = recording.begin("solve", f"{problem.name}: {', '.join(names)}", blueprint)
         reference = _reference_impulse(traces)
-        if contact_places.bodies is not None:
-            _write_bodies(stream, contact_places.bodies, contact_places.size)
-        scale = ARROW_SIZES * contact_places.size / reference if reference else 0.0
+        if found_places.bodies is not None:
+            _write_bodies(stream, found_places.bodies, found_places.size)
+        scale = ARROW_SIZES * found_places.size / reference if reference else 0.0
         for index, trace in enumerate(traces):
             _write_curves(stream, trace, index, ceilings)
-            _write_contacts(stream, problem, contact_places, trace, index, scale)
-        about = _about(problem, contact_places, traces, reference)
+            _write_contacts(stream, problem, found_places, trace, index, scale)
+        about = _about(problem, found_places, traces, reference)
         stream.log("about", rr.TextDocument(about, media_type="text/markdown"), static=True)
-    return RecordedSolves(file, tuple(traces), contact_places)
+    return RecordedSolves(file, tuple(traces), found_places)
 
 
 def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
