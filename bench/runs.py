@@ -192,7 +192,7 @@ def run(
         sample: number of problems to draw; all if None.
         sampling: divide the sample among families in proportion to their sizes, or evenly.
         thorough: default to ten tolerances, 1e-1 … 1e-10, and five passes.
-        shard: for "i/n", measure every n-th problem from the i-th on; ``merge`` combines shards.
+        shard: for "i/n", measure every n-th problem, beginning with the i-th; ``merge`` combines shards.
         executor: runs each problem as a task, on any machine with this version of Proxbench; None for this process.
 
     Raises:

@@ -44,7 +44,7 @@ def listing_rows(kind: str = "", suite: str = "", name: str = "", has_sizes: boo
     Args:
         kind: one of ``KINDS``; all kinds if empty.
         suite: suite whose problems to list; all problems if empty.
-        name: single solver, suite, problem or scene to list, with or without options; all if empty.
+        name: single solver, suite, problem or scene of this kind to list, with or without options; all if empty.
         has_sizes: add the sizes and laws of problems; this loads generated problems and those of plugins.
 
     Raises:

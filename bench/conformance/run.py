@@ -151,13 +151,13 @@ def _check_subject(worker: RenewedWorker, subject: dict[str, str], on_check: OnC
     checks = CHECKS[subject["kind"]]
     for check in checks:
         on_check(f"{subject['name']}: {check.name}", len(rows), len(checks))
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         try:
             answer, _ = worker.ask("check", subject["kind"], subject["name"], check.name)
         except Fault as fault:
             late = f"it did not finish within {worker.seconds:g} s."
             sentence = late if fault.outcome is Outcome.TIMEOUT else f"{fault.reason}."
             answer = {"result": "failed", "sentence": sentence}
-        seconds = round(time.perf_counter() - began, 3)
+        seconds = round(time.perf_counter() - start_time, 3)
         rows.append({"check": check.name, "promise": check.promise, **answer, "seconds": seconds})
     return {**subject, "passed": all(row["result"] != "failed" for row in rows), "checks": rows}

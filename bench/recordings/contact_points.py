@@ -135,18 +135,18 @@ def _from_factors(problem: ContactProblem) -> Places | None:
     centres = _centres(bodies, arms, pieces.n_chunks, size)
     positions = centres[bodies[:, 0]] + arms[:, 0]
     frames = np.pad(axes, ((0, 0), (0, 3 - pieces.width), (0, 0)))
-    least_radii = _least_ball_radii(problem, *RIGID_SHAPES[pieces.width, pieces.length])
-    reconstructed = _reconstruct_bodies(bodies, axes[:, 0], arms, centres, least_radii)
+    smallest_radii = _smallest_ball_radii(problem, *RIGID_SHAPES[pieces.width, pieces.length])
+    reconstructed = _reconstruct_bodies(bodies, axes[:, 0], arms, centres, smallest_radii)
     text = "Places and directions are computed from the force directions; separate heaps are drawn side by side."
     return Places(positions, frames, size, f"{text} {reconstructed.sentence}", reconstructed)
 
 
 def _reconstruct_bodies(
-    pairs: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, least_radii: FloatArray
+    pairs: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, smallest_radii: FloatArray
 ) -> Bodies:
     """Return the bodies in contact.
 
-    A body is a ball if its arms fit a ball whose radius is at least that of ``least_radii`` [m], shape (n_bodies,).
+    A body is a ball if its arms fit a ball whose radius is at least that of ``smallest_radii`` [m], shape (n_bodies,).
     """
     n_bodies = len(centres)
     contact, side = np.nonzero(pairs < n_bodies)
@@ -154,7 +154,7 @@ def _reconstruct_bodies(
     outwards = np.where(side == 0, -1.0, 1.0)[:, None] * normals[contact]
     radius = np.full(n_bodies, np.inf)
     np.minimum.at(radius, body, np.einsum("cx,cx->c", arm, outwards))
-    is_ball = (radius > 0.0) & (least_radii <= (1.0 + BALL_TOLERANCE) * radius)
+    is_ball = (radius > 0.0) & (smallest_radii <= (1.0 + BALL_TOLERANCE) * radius)
     fits = np.linalg.norm(arm - radius[body, None] * outwards, axis=1) <= BALL_TOLERANCE * radius[body]
     is_ball[body[~fits]] = False
     ends = np.stack([centres[body], centres[body] + arm], axis=1)[~is_ball[body]]
@@ -162,7 +162,7 @@ def _reconstruct_bodies(
     return Bodies(centres[present], np.where(is_ball, radius, np.nan)[present], ends)
 
 
-def _least_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int) -> FloatArray:
+def _smallest_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int) -> FloatArray:
     """Return the smallest radius r [m] at which each body can be a ball: θ = 2/5 m r² in space.
 
     The radius is infinite for bodies without rotations, and for bodies whose mass matrix does not consist of blocks
@@ -175,12 +175,12 @@ def _least_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int)
         return np.full(n_bodies, np.inf)
     diagonal = np.asarray(inverse.diagonal()).reshape(n_bodies, length)
     linear, angular = diagonal[:, :dimension], diagonal[:, dimension:]
-    least: FloatArray = np.sqrt(linear[:, 0] / (UNIFORM_INERTIA[dimension] * angular[:, 0]))
+    radii: FloatArray = np.sqrt(linear[:, 0] / (UNIFORM_INERTIA[dimension] * angular[:, 0]))
     for part in (linear, angular):
-        least[np.ptp(part, axis=1) > BALL_TOLERANCE * part[:, 0]] = np.inf
+        radii[np.ptp(part, axis=1) > BALL_TOLERANCE * part[:, 0]] = np.inf
     entries = sp.coo_array(inverse)
-    least[entries.row[(entries.row != entries.col) & (entries.data != 0.0)] // length] = np.inf
-    return least
+    radii[entries.row[(entries.row != entries.col) & (entries.data != 0.0)] // length] = np.inf
+    return radii
 
 
 def _bodies_in_contact(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
@@ -191,8 +191,8 @@ def _bodies_in_contact(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
     if pieces.in_pairs:
         bodies, values = pieces.chunks.reshape(-1, 2), pieces.values.reshape(-1, 2, pieces.width, pieces.length)
     elif (np.diff(pieces.starts) == 1).all():
-        none = np.full(pieces.n_blocks, pieces.n_chunks)
-        bodies = np.column_stack([pieces.chunks, none])
+        no_body = np.full(pieces.n_blocks, pieces.n_chunks)
+        bodies = np.column_stack([pieces.chunks, no_body])
         values = np.stack([pieces.values, np.zeros_like(pieces.values)], axis=1)
     else:
         return None

@@ -98,7 +98,7 @@ def record_solves(
 
     Curves contain the first thousand iterations, and arrows the first twenty. Both continue with a geometric sequence
     of iterations and the last one. If a solver raises an exception, or does not support the problem, the recording and
-    its trace report this; the other solvers are still recorded.
+    its trace report this; the remaining solvers are still recorded.
 
     Args:
         problem: the contact problem.
@@ -116,10 +116,10 @@ def record_solves(
         raise BenchError("name at least one solver to record.")
     if not problem.n_contacts:
         raise BenchError(f"the problem {problem.name!r} has no contacts; record another problem.")
-    found_places = places if places is not None else find_places(problem)
-    if len(found_places.positions) != problem.n_contacts:
+    contact_places = places if places is not None else find_places(problem)
+    if len(contact_places.positions) != problem.n_contacts:
         raise BenchError(
-            f"places have {len(found_places.positions)} contacts, but the problem {problem.name!r} has "
+            f"places have {len(contact_places.positions)} contacts, but the problem {problem.name!r} has "
             f"{problem.n_contacts}."
         )
     specs = [solver_spec(solver) for solver in solvers]
@@ -131,18 +131,18 @@ def record_solves(
         longest = max((trace.iterations[-1] for trace in traces if trace.iterations), default=0)
         ceilings = _ceilings(traces)
         names, heights = [trace.solver for trace in traces], _residual_heights(traces, ceilings["residual"])
-        blueprint = solves_blueprint(names, longest, _camera(found_places), heights)
+        blueprint = solves_blueprint(names, longest, _camera(contact_places), heights)
         stream = recording.begin("solve", f"{problem.name}: {', '.join(names)}", blueprint)
         reference = _reference_impulse(traces)
-        if found_places.bodies is not None:
-            _write_bodies(stream, found_places.bodies, found_places.size)
-        scale = ARROW_SIZES * found_places.size / reference if reference else 0.0
+        if contact_places.bodies is not None:
+            _write_bodies(stream, contact_places.bodies, contact_places.size)
+        scale = ARROW_SIZES * contact_places.size / reference if reference else 0.0
         for index, trace in enumerate(traces):
             _write_curves(stream, trace, index, ceilings)
-            _write_contacts(stream, problem, found_places, trace, index, scale)
-        about = _about(problem, found_places, traces, reference)
+            _write_contacts(stream, problem, contact_places, trace, index, scale)
+        about = _about(problem, contact_places, traces, reference)
         stream.log("about", rr.TextDocument(about, media_type="text/markdown"), static=True)
-    return RecordedSolves(file, tuple(traces), found_places)
+    return RecordedSolves(file, tuple(traces), contact_places)
 
 
 def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:

@@ -44,9 +44,9 @@ def summary_tags(summary: pd.DataFrame) -> list[str]:
 def standings_of_cells(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, str], str]:
     """Return the standing of each time in a table of results, by index and heading."""
     columns = zip(ratios["problem"], ratios["solver"], ratios["accuracy"], ratios["standing"], strict=True)
-    known = {(problem, solver, accuracy_tag(accuracy)): standing for problem, solver, accuracy, standing in columns}
+    standings = {(problem, solver, accuracy_tag(accuracy)): standing for problem, solver, accuracy, standing in columns}
     return {
-        (row.Index, head): known.get((row.problem, row.solver, head), "")
+        (row.Index, head): standings.get((row.problem, row.solver, head), "")
         for row in results.itertuples()
         for head in time_columns(results)
     }

@@ -201,7 +201,7 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
     """Check that given values agree with the plan of a simulation that is resumed.
 
     Args:
-        plan: the plan as it was stored.
+        plan: the stored plan.
         given: values by the names of ``PlanRecord``. The scene, with or without options, and ``states`` must equal the
             stored ones. A variable stepper may be replaced by another variable stepper. Other values may differ.
         source: name of the stored simulation in messages.

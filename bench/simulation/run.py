@@ -70,7 +70,7 @@ def simulate(
         hooks: see ``Hooks``.
 
     Returns:
-        The simulation; ``is_finished`` tells whether it reached its end.
+        The simulation; ``is_finished`` is False if it was stopped early.
 
     Raises:
         BenchError: if the output exists or cannot be written.

@@ -262,7 +262,7 @@ class Simulation:
         Args:
             steps: the steps.
             state: the state at the end of the last step.
-            switches: the switching points; none if None.
+            switches: the switching points; None if there are none.
             law_states: the last states of laws.
             segments: segments of the steps; if None, one with the settings of the plan.
         """

@@ -45,7 +45,7 @@ def compile_here(parts: Sequence[Part]) -> Compiled:
 def compile_in_processes(parts: str, n_parts: int, n_processes: int) -> Compiled:
     """Compile parts in several processes.
 
-    Half of the processes take parts from the front of the list, the others from the back. A process thus compiles
+    Half of the processes take parts from the front of the list, the other half from the back. A process thus compiles
     mostly neighbouring parts, which have kernels in common. Numba does not cache the functions that it generates for
     kernels, so each process compiles its own.
 
@@ -55,7 +55,7 @@ def compile_in_processes(parts: str, n_parts: int, n_processes: int) -> Compiled
         n_processes: number of processes.
 
     Raises:
-        BenchError: if a process fails; its standard error says why.
+        BenchError: if a process fails; its standard error gives the reason.
     """
     remaining = deque(range(n_parts))
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:

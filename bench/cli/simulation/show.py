@@ -34,7 +34,7 @@ class Request:
         output: result file, or its folder.
         force: replace files that exist.
         resume: result file to resume; None to start a new simulation.
-        record: recording to write; None for none.
+        record: recording to write, if any.
         chart: chart to write; None for the default of the scene.
     """
 

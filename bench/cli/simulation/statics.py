@@ -57,8 +57,8 @@ def statics(
     if direction is not None:
         row |= _largest_push(problem, *direction)
     if friction:
-        least = least_friction(problem)
-        row["least_friction"] = least if np.isfinite(least) else None
+        coefficient = least_friction(problem)
+        row["least_friction"] = coefficient if np.isfinite(coefficient) else None
     if as_json:
         print_json(row)
     elif not quiet:
@@ -116,9 +116,11 @@ def _sentence(row: dict[str, Any]) -> str:
         direction = ",".join(f"{number:g}" for number in row["push"])
         parts.append(f"it bears {_push_text(row['largest_push'])} along {direction}")
     if "least_friction" in row:
-        least = row["least_friction"]
+        coefficient = row["least_friction"]
         parts.append(
-            "no friction coefficient suffices" if least is None else f"it needs a friction coefficient of {least:.6g}"
+            "no friction coefficient suffices"
+            if coefficient is None
+            else f"it needs a friction coefficient of {coefficient:.6g}"
         )
     return f"{row['scene']} {'; '.join(parts)}"
 

@@ -270,8 +270,8 @@ def _curves(frames: RunFrames) -> dict[str, list[Any]]:
     """
     max_points, numbers = max(MIN_CURVE_POINTS, MAX_CURVE_POINTS // len(frames.cases)), _case_numbers(frames)
     curves: dict[str, list[Any]] = {"case": [], "iteration": [], "residual": []}
-    drawn = frames.iterations[(frames.iterations["iteration"] > 0) & np.isfinite(frames.iterations["residual"])]
-    for name, curve in drawn.groupby(CASE, sort=False):
+    drawable = frames.iterations[(frames.iterations["iteration"] > 0) & np.isfinite(frames.iterations["residual"])]
+    for name, curve in drawable.groupby(CASE, sort=False):
         thinned = curve.iloc[np.unique(np.linspace(0, len(curve) - 1, min(max_points, len(curve))).astype(int))]
         curves["case"].append(numbers[name])
         curves["iteration"].append(thinned["iteration"].tolist())
