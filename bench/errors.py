@@ -25,7 +25,7 @@ class InterruptedRunError(InterruptedWorkError):
     """A run was interrupted; its measurements are kept.
 
     Attributes:
-        run_dir: the folder of the run, from which it can be resumed.
+        run_dir: the folder of the run, from which the run can be resumed.
     """
 
     def __init__(self, run_dir: Path) -> None:
@@ -39,7 +39,7 @@ class InterruptedSimulationError(InterruptedWorkError):
     """A simulation was interrupted; its steps are kept.
 
     Attributes:
-        file: its result file, from which it can be resumed.
+        file: the result file, from which the simulation can be resumed.
     """
 
     def __init__(self, file: Path) -> None:

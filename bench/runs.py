@@ -35,7 +35,7 @@ from .store.plans import Limits, RunSettings, limit_in_bytes
 from .store.store import INVALID_NAME, plain_name
 
 
-def _ignore(*shown: object) -> None:
+def _ignore(*arguments: object) -> None:
     """Ignore the event."""
 
 
@@ -192,25 +192,25 @@ def run(
         sample: number of problems to draw; all if None.
         sampling: divide the sample among families in proportion to their sizes, or evenly.
         thorough: default to ten tolerances, 1e-1 … 1e-10, and five passes.
-        shard: for "i/n", measure every n-th problem from the i-th on; ``merge`` combines shards.
+        shard: for "i/n", measure every n-th problem, beginning with the i-th; ``merge`` combines shards.
         executor: runs each problem as a task, on any machine with this version of Proxbench; None for this process.
 
     Raises:
         ProxbenchError: before the start, if an argument is unknown or out of range, or the folder cannot be written.
         InterruptedRunError: on Ctrl-C; finished points are kept.
     """
-    use_plugin_files(_several(plugins) or ())
+    use_plugin_files(_as_tuple(plugins) or ())
     given = {"solve_seconds": solve_seconds, "case_seconds": case_seconds, "memory_bytes": limit_in_bytes(memory)}
     changed = {name: value for name, value in given.items() if value is not None}
     settings = RunSettings.checked(
-        _several(tolerances),
+        _as_tuple(tolerances),
         msgspec.structs.replace(limits or Limits(), **changed),
         passes=passes,
         seed=seed,
         thorough=thorough,
     )
     plan = make_plan(
-        _several(problems), _several(solvers), settings, suite=suite, sample=sample, sampling=sampling, shard=shard
+        _as_tuple(problems), _as_tuple(solvers), settings, suite=suite, sample=sample, sampling=sampling, shard=shard
     )
     folder = _new_folder(results, run_id)
     measure(plan, folder, on_event, executor)
@@ -279,10 +279,10 @@ def study(
         ProxbenchError: before the start, if an argument is unknown or out of range, or the folder cannot be written.
         InterruptedRunError: on Ctrl-C; finished points are kept.
     """
-    use_plugin_files(_several(plugins) or ())
+    use_plugin_files(_as_tuple(plugins) or ())
     plan = make_study_plan(
         scene,
-        _several(solvers) or (),
+        _as_tuple(solvers) or (),
         methods=methods,
         tolerance=tolerance,
         duration=duration,
@@ -322,7 +322,7 @@ def resume(
         retry_failed: measure cases again that timed out, crashed, ran out of memory or misbehaved.
         on_event: called with each event of the run.
         plugins: the plugin files of its solvers, or one of them; problems of plugins are stored with the run.
-        mix: continue on another machine, or with other versions or sources; reports then warn.
+        mix: continue on another machine, or with other versions or sources; reports then contain a warning.
         executor: as in ``run``.
 
     Returns:
@@ -333,7 +333,7 @@ def resume(
             missing or has changed, or the machine, versions or sources differ.
         InterruptedRunError: on Ctrl-C.
     """
-    resume_measuring(Path(run_dir), retry_failed, on_event, _several(plugins) or (), mix=mix, executor=executor)
+    resume_measuring(Path(run_dir), retry_failed, on_event, _as_tuple(plugins) or (), mix=mix, executor=executor)
     return load(run_dir)
 
 
@@ -369,7 +369,7 @@ def merge(
             measured on several machines, or the folder exists or cannot be written.
     """
     folder = _new_folder(results, run_id)
-    merge_sources([Path(source) for source in _several(sources) or ()], folder, on_case, on_missing)
+    merge_sources([Path(source) for source in _as_tuple(sources) or ()], folder, on_case, on_missing)
     return load(folder)
 
 
@@ -379,7 +379,7 @@ def compare(before: os.PathLike[str] | str, after: os.PathLike[str] | str, slowd
     Args:
         before: the run to compare with, its folder or its bundle.
         after: the run that may be slower, its folder or its bundle.
-        slowdown: least relative change of time at which the verdict names a solver, such as 0.1 for 10 %.
+        slowdown: smallest relative change of time at which the verdict names a solver, such as 0.1 for 10 %.
 
     Raises:
         BenchError: if a path is not a run, a run has no cases or is a study, or the runs have nothing in common.
@@ -387,8 +387,8 @@ def compare(before: os.PathLike[str] | str, after: os.PathLike[str] | str, slowd
     return compare_runs(read_frames(Path(before)), read_frames(Path(after)), slowdown)
 
 
-def _several(given: Any) -> tuple[Any, ...] | None:
+def _as_tuple(value: Any) -> tuple[Any, ...] | None:
     """Return one or several values as a tuple; None for None."""
-    if given is None:
+    if value is None:
         return None
-    return (given,) if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+    return (value,) if isinstance(value, str) or not isinstance(value, Iterable) else tuple(value)

@@ -44,7 +44,7 @@ def listing_rows(kind: str = "", suite: str = "", name: str = "", has_sizes: boo
     Args:
         kind: one of ``KINDS``; all kinds if empty.
         suite: suite whose problems to list; all problems if empty.
-        name: single solver, suite, problem or scene to list, with or without options; all if empty.
+        name: single solver, suite, problem or scene of this kind to list, with or without options; all if empty.
         has_sizes: add the sizes and laws of problems; this loads generated problems and those of plugins.
 
     Raises:
@@ -174,9 +174,9 @@ def _option_rows(scene: str) -> list[tuple[str, str]]:
 
 def _solvers() -> list[Row]:
     offers = plugin_solvers()
-    of_plugins = {offer.name for offer in offers if not offer.rejection}
-    own = [name for name in available() if name not in of_plugins] + peers()
-    rows = [_row(name, "", partial(_solver, name)) for name in own]
+    plugin_names = {offer.name for offer in offers if not offer.rejection}
+    builtin = [name for name in available() if name not in plugin_names] + peers()
+    rows = [_row(name, "", partial(_solver, name)) for name in builtin]
     rows += [_row(name, "", partial(_on_device, name)) for name in on_devices()]
     rows += [_row(name, "", partial(_composite, name, example)) for name, example in composites().items()]
     rows += [_row(name, "", partial(_native, example)) for name, example in natives().items()]
@@ -226,8 +226,8 @@ def _plugin_scene(offer: Offer) -> Row:
 
 def _problems(has_sizes: bool) -> list[Row]:
     offers = plugin_problems()
-    of_plugins = {offer.name for offer in offers if not offer.rejection}
-    names = [name for name in problem_names() if name not in of_plugins]
+    plugin_names = {offer.name for offer in offers if not offer.rejection}
+    names = [name for name in problem_names() if name not in plugin_names]
     if not has_sizes:
         rows = [{"name": name, "source": "", "error": ""} for name in names]
         return rows + [{"name": offer.name, "source": offer.source, "error": offer.rejection} for offer in offers]

@@ -60,6 +60,7 @@ def require_command(context: typer.Context) -> int:
 
 
 def _load_plugin_files(paths: list[Path] | None) -> list[Path] | None:
+    """Load the plugin files that ``--plugin`` names, and return their paths unchanged."""
     if paths:
         from ..plugins.files import use_plugin_files
 
@@ -89,7 +90,7 @@ def option_name(name: str) -> str:
 
 def with_option_names(message: str) -> str:
     """Return a message in which options replace parameters: ``--force`` for `` `force=True` ``."""
-    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda found: option_name(_OPTION_NAMES.get(found[1], found[1])), message)
+    return re.sub(r"`([a-z_]+)(?:=True)?`", lambda match: option_name(_OPTION_NAMES.get(match[1], match[1])), message)
 
 
 def require_absent(names: Iterable[str], given: Collection[str], reason: str) -> None:

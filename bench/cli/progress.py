@@ -1,4 +1,4 @@
-"""Progress bars on standard error, or plain lines if that is not a terminal."""
+"""Progress bars on standard error, or plain lines if standard error is not a terminal."""
 
 import io
 from collections.abc import Iterable

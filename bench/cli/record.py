@@ -80,6 +80,7 @@ def record(
 def _require_consistent_options(
     problem: str, is_simulation: bool, solver: list[str] | None, output: Path | None
 ) -> None:
+    """Raise ``BenchError`` if options of ``record`` contradict the recorded problem or simulation, or are missing."""
     from ..errors import BenchError
 
     if is_simulation:

@@ -62,8 +62,8 @@ def _is_simulation(result: Path) -> bool:
 def _require_consistent_options(result: Path, given: Collection[str], charts: bool) -> None:
     """Raise ``BenchError`` if options of ``report`` contradict each other or the result."""
     if _is_simulation(result):
-        of_runs = ("problem", "page", "baseline", "profiles", "residual")
-        options.require_absent(of_runs, given, f"applies to runs, but {result} is a simulation")
+        run_options = ("problem", "page", "baseline", "profiles", "residual")
+        options.require_absent(run_options, given, f"applies to runs, but {result} is a simulation")
     options.require_exclusive("problem", ("page", "baseline", "profiles", "quiet"), given)
     options.require_exclusive("page", ["profiles"], given)
     if not charts:
@@ -125,15 +125,15 @@ def report_run(
         from ..recordings.solves import record_run
 
         record_run(run.folder)
-    made = run.report(charts, residual, baseline, page, profiles=profiles)
-    if made.unwritten and quiet:
-        raise BenchError(made.unwritten)
+    outputs = run.report(charts, residual, baseline, page, profiles=profiles)
+    if outputs.unwritten and quiet:
+        raise BenchError(outputs.unwritten)
     if as_json:
-        print_json(_document(run, made, residual))
+        print_json(_document(run, outputs, residual))
     else:
-        console.print("\n".join(_places(run, made)), soft_wrap=True, highlight=False, markup=False)
-    if made.unwritten:
-        print(f"proxbench: {made.unwritten}", file=sys.stderr)
+        console.print("\n".join(_file_lines(run, outputs)), soft_wrap=True, highlight=False, markup=False)
+    if outputs.unwritten:
+        print(f"proxbench: {outputs.unwritten}", file=sys.stderr)
     return 1 if left_out else _exit_code(run, run)
 
 
@@ -210,7 +210,8 @@ def _has_failed(frames: "RunFrames") -> bool:
     return bool(frames.cases["outcome"].isin(FAULTS).any() or (frames.points["outcome"] == Outcome.WRONG).any())
 
 
-def _document(run: "Run", made: "Report", residual: str) -> dict[str, Any]:
+def _document(run: "Run", outputs: "Report", residual: str) -> dict[str, Any]:
+    """Return a run and its report as one JSON document."""
     from ..report.layout.text import json_records
     from ..store.conversion import content_of
 
@@ -219,21 +220,21 @@ def _document(run: "Run", made: "Report", residual: str) -> dict[str, Any]:
         "is_finished": run.is_finished,
         "residual": residual,
         "info": content_of(run.info),
-        "results": json_records(made.results),
-        "summary": json_records(made.summary),
-        "files": [str(file) for file in (*made.tables, *made.charts, *([made.page] if made.page else []))],
-        "unwritten": made.unwritten,
+        "results": json_records(outputs.results),
+        "summary": json_records(outputs.summary),
+        "files": [str(file) for file in (*outputs.tables, *outputs.charts, *([outputs.page] if outputs.page else []))],
+        "unwritten": outputs.unwritten,
         "damaged": run.damaged,
     }
 
 
-def _places(run: "Run", made: "Report") -> Iterator[str]:
+def _file_lines(run: "Run", outputs: "Report") -> Iterator[str]:
     """Yield one line for each kind of file, with its path."""
     yield f"results  {run.folder}"
-    for what, files in (("tables", made.tables), ("charts", made.charts)):
+    for kind, files in (("tables", outputs.tables), ("charts", outputs.charts)):
         if files:
-            yield f"{what}   {files[0].parent}"
-    if made.page:
-        yield f"page     {made.page}"
+            yield f"{kind}   {files[0].parent}"
+    if outputs.page:
+        yield f"page     {outputs.page}"
     if (run.output_folder / "recordings").is_dir():
         yield f"watch    rerun {run.output_folder / 'recordings'}/NAME.rrd"

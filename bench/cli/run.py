@@ -72,18 +72,18 @@ def run(
 
     _require_consistent_options(context)
     options.check_output_options(quiet, as_json)
-    with _executor(dask) as executor, RunProgress(not progress or quiet or as_json) as shown:
+    with _executor(dask) as executor, RunProgress(not progress or quiet or as_json) as bar:
         if resume is not None:
-            made = runs.resume(resume, retry_failed, on_event=shown, mix=mix, executor=executor)
+            measured_run = runs.resume(resume, retry_failed, on_event=bar, mix=mix, executor=executor)
         else:
-            made = runs.run(
+            measured_run = runs.run(
                 problem,
                 solver,
                 suite,
                 output,
                 run_id,
                 tolerances=tolerance,
-                on_event=shown,
+                on_event=bar,
                 solve_seconds=solve_seconds,
                 case_seconds=case_seconds,
                 memory=memory,
@@ -95,12 +95,12 @@ def run(
                 shard=shard,
                 executor=executor,
             )
-    has_pictures = charts or (page and made.is_study)  # a study has charts instead of a page
-    return report_run(made, has_pictures, quiet, as_json, residual, record=record, page=page)
+    draws_charts = charts or (page and measured_run.is_study)  # a study has charts instead of a page
+    return report_run(measured_run, draws_charts, quiet, as_json, residual, record=record, page=page)
 
 
 def _executor(dask: str) -> AbstractContextManager[Executor | None]:
-    """Return a context of an executor on the cluster at an address; it yields None for an empty address."""
+    """Return a context manager that yields an executor on the cluster at an address, or None without an address."""
     if not dask:
         return nullcontext()
     from ..measure.execution.cluster import dask_executor

@@ -46,44 +46,44 @@ def is_truthful_on_group(group: str, solver: Solver) -> None:
 def improves_with_tolerance(solver: Solver) -> None:
     """A smaller tolerance does not increase the residual, unless the residual is still within the tolerance."""
     for problem in supported(solver):
-        before, looser = np.inf, 0.0
+        previous_residual, previous_tolerance = np.inf, 0.0
         for tolerance in ACCURACIES:
             trial = run_trial(solver, problem, Stop(tolerance, HARD.max_iterations, HARD.max_seconds))
             if trial.solution.status is Status.TIME_LIMIT:
                 break
-            if trial.residual > max(before, tolerance) + MIN_DIFFERENCE:
+            if trial.residual > max(previous_residual, tolerance) + MIN_DIFFERENCE:
                 raise Violation(
                     f"on {problem.name} a tolerance of {tolerance:g} gives a residual of {trial.residual:.1e}, "
-                    f"but {looser:g} gives {before:.1e}; return the best iterate."
+                    f"but {previous_tolerance:g} gives {previous_residual:.1e}; return the best iterate."
                 )
-            before, looser = trial.residual, tolerance
+            previous_residual, previous_tolerance = trial.residual, tolerance
 
 
 @requires_iterates
 def reports_cycles(solver: Solver) -> None:
     """A solve whose iterates alternate between two values returns OSCILLATING before the iteration limit."""
     for problem in supported(solver):
-        shown: deque[FloatArray] = deque(maxlen=REPETITIONS)
-        status = solver.prepare(problem).solve(CYCLING, observe=partial(_record_iterate, shown)).status
-        if status is Status.ITERATION_LIMIT and _is_cycle(shown):
+        iterates: deque[FloatArray] = deque(maxlen=REPETITIONS)
+        status = solver.prepare(problem).solve(CYCLING, observe=partial(_record_iterate, iterates)).status
+        if status is Status.ITERATION_LIMIT and _is_cycle(iterates):
             raise Violation(
                 f"on {problem.name} its last {REPETITIONS} iterates alternate between two values, and it "
                 "continues to the iteration limit; return Status.OSCILLATING."
             )
 
 
-def _record_iterate(shown: deque[FloatArray], iteration: int, impulses: FloatArray) -> None:
-    shown.append(np.array(impulses))
+def _record_iterate(iterates: deque[FloatArray], iteration: int, impulses: FloatArray) -> None:
+    iterates.append(np.array(impulses))
 
 
-def _is_cycle(shown: deque[FloatArray]) -> bool:
+def _is_cycle(iterates: deque[FloatArray]) -> bool:
     """Return whether each iterate equals the one two iterations before, and differs from the previous one."""
-    if len(shown) < REPETITIONS:
+    if len(iterates) < REPETITIONS:
         return False
-    iterates = np.array(shown)
-    step = np.abs(np.diff(iterates, axis=0)).max()
-    returned = np.abs(iterates[2:] - iterates[:-2]).max()
-    return bool(step > 0.0 and returned <= SAME_ITERATE * step)
+    impulses = np.array(iterates)
+    step = np.abs(np.diff(impulses, axis=0)).max()
+    two_step_change = np.abs(impulses[2:] - impulses[:-2]).max()
+    return bool(step > 0.0 and two_step_change <= SAME_ITERATE * step)
 
 
 HARD_CHECKS: tuple[Check[Solver], ...] = (

@@ -27,13 +27,13 @@ def ignores_units(solver: Solver) -> None:
     """Solutions do not depend on the units of mass, length and time."""
     for trial in _solved_samples(solver):
         for name, units in UNITS.items():
-            other = in_units(trial.problem, **units)
-            again = _solve_transformed(solver, trial, other, f"in {name}")
-            if again is not None and not again.is_solved:
-                status = again.solution.status
+            transformed = in_units(trial.problem, **units)
+            repeated = _solve_transformed(solver, trial, transformed, f"in {name}")
+            if repeated is not None and not repeated.is_solved:
+                status = repeated.solution.status
                 raise Violation(
                     f"it solves {trial.problem.name} in {trial.solution.iterations} iterations, but in {name} its "
-                    f"status is {status} at a residual of {again.residual:.1e}; scale impulses and velocities."
+                    f"status is {status} at a residual of {repeated.residual:.1e}; scale impulses and velocities."
                 )
 
 
@@ -60,47 +60,51 @@ def ignores_copies(solver: Solver) -> None:
     for trial in _solved_samples(solver):
         for contact in {0, trial.problem.n_contacts - 1}:
             try:
-                other = duplicated(trial.problem, contact)
+                transformed = duplicated(trial.problem, contact)
             except ProblemError:
                 continue
-            _solve_transformed(solver, trial, other, f"with contact {contact} duplicated")
+            _solve_transformed(solver, trial, transformed, f"with contact {contact} duplicated")
 
 
 def _solved_samples(solver: Solver) -> Iterator[Trial]:
-    """Yield the small problems that the solver solves, with their solutions."""
-    none = f"it solves none of the small problems to {STOP.tolerance:g}"
+    """Yield the small problems that the solver solves, with their solutions.
+
+    Raises:
+        NotApplicable: if the solver solves none.
+    """
+    reason = f"it solves none of the small problems to {STOP.tolerance:g}"
     is_any_solved = False
-    for problem in supported(solver, reason=none):
+    for problem in supported(solver, reason=reason):
         trial = run_trial(solver, problem, STOP)
         if trial.is_solved:
             is_any_solved = True
             yield trial
     if not is_any_solved:
-        raise NotApplicable(none)
+        raise NotApplicable(reason)
 
 
-def _solve_transformed(solver: Solver, trial: Trial, other: TransformedProblem, how: str) -> Trial | None:
+def _solve_transformed(solver: Solver, trial: Trial, transformed: TransformedProblem, description: str) -> Trial | None:
     """Solve the transformed problem; return None if the solver does not support it or reaches the time limit.
 
     Raises:
         Violation: if the claimed solution does not solve the original problem.
     """
-    if solver.supports(other.problem) is not None:
+    if solver.supports(transformed.problem) is not None:
         return None
     try:
-        again = run_trial(solver, other.problem.renamed(f"{trial.problem.name} {how}"), STOP)
+        repeated = run_trial(solver, transformed.problem.renamed(f"{trial.problem.name} {description}"), STOP)
     except Violation as violation:
         raise Violation(f"it solves the original {trial.problem.name}, but {violation}") from None
-    if again.solution.status is Status.TIME_LIMIT:
+    if repeated.solution.status is Status.TIME_LIMIT:
         return None
-    if again.is_solved:
-        residual = own_residual(solver, trial.problem, other.impulses(again.solution.impulses))
+    if repeated.is_solved:
+        residual = own_residual(solver, trial.problem, transformed.impulses(repeated.solution.impulses))
         if not residual <= WRONG_FACTOR * STOP.tolerance:
             raise Violation(
-                f"{how} its solution of {trial.problem.name}, transformed back, has a residual of {residual:.1e}; "
-                "make the method independent of order, tangents and duplicates."
+                f"{description} its solution of {trial.problem.name}, transformed back, has a residual of "
+                f"{residual:.1e}; make the method independent of order, tangents and duplicates."
             )
-    return again
+    return repeated
 
 
 INVARIANCE_CHECKS: tuple[Check[Solver], ...] = checks(

@@ -20,7 +20,7 @@ WAIT_SECONDS = 1.0
 def has_no_side_effects(solver: Solver) -> None:
     """The solver replaces no functions of other modules, restores settings, and ends its threads and processes."""
     problems = supported(solver)
-    before, others = ProcessState.now(), _n_running()
+    before, n_before = ProcessState.now(), _n_running()
     for problem in problems:
         solver.prepare(problem).solve(STOP)
     if fault := replacement_text(before):
@@ -28,10 +28,10 @@ def has_no_side_effects(solver: Solver) -> None:
     if changed := before.changed_settings():
         raise Violation(f"it changed {_join_words(changed)}; restore global state before solve returns.")
     deadline = time.monotonic() + WAIT_SECONDS
-    while _n_running() > others and time.monotonic() < deadline:
+    while _n_running() > n_before and time.monotonic() < deadline:
         time.sleep(0.01)
-    if (left := _n_running() - others) > 0:
-        raise Violation(f"it leaves {left} threads or processes running; end them before solve returns.")
+    if (n_left := _n_running() - n_before) > 0:
+        raise Violation(f"it leaves {n_left} threads or processes running; end them before solve returns.")
 
 
 def _n_running() -> int:

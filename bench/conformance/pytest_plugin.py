@@ -44,11 +44,11 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 @pytest.fixture
 def proxbench_check(request: pytest.FixtureRequest) -> Callable[[], None]:
     """Return one check of one solver as a function without arguments."""
-    given, check = request.param
+    solver, check = request.param
 
     def run_check() -> None:
         try:
-            check.run(create(given) if isinstance(given, str) else given)
+            check.run(create(solver) if isinstance(solver, str) else solver)
         except NotApplicable as reason:
             pytest.skip(str(reason))
         except Violation as violation:

@@ -54,13 +54,13 @@ def run_checks(
     if not seconds > 0:
         raise BenchError(f"`seconds` must be positive, got {seconds:g}; omit it for the default.")
     file = PluginFile.read(target) if _is_plugin_path(target) else None
-    known = [other for other, _ in registered()]
+    registered_before = [plugin_file for plugin_file, _ in registered()]
     try:
         subjects = _subjects_by_name(target) if file is None else _subjects_of_file(file, seconds)
         with RenewedWorker(CheckingTask(), seconds, MEMORY_BYTES, _compiled_solvers(subjects)) as worker:
             return [_check_subject(worker, subject, on_check) for subject in subjects]
     finally:
-        if file is not None and file not in known:
+        if file is not None and file not in registered_before:
             forget(file)
 
 
@@ -142,21 +142,22 @@ def _compiled_solvers(subjects: list[dict[str, str]]) -> list[str]:
     solvers = [subject for subject in subjects if subject["kind"] == "solver"]
     if any(subject["source"] for subject in solvers):
         return compiled_solvers()
-    return [own for subject in solvers for own in compiled_solvers(subject["name"])]
+    return [name for subject in solvers for name in compiled_solvers(subject["name"])]
 
 
 def _check_subject(worker: RenewedWorker, subject: dict[str, str], on_check: OnCheck) -> dict[str, Any]:
+    """Run all checks of a subject, and return their results as ``run_checks`` describes them."""
     rows: list[dict[str, Any]] = []
     checks = CHECKS[subject["kind"]]
     for check in checks:
         on_check(f"{subject['name']}: {check.name}", len(rows), len(checks))
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         try:
             answer, _ = worker.ask("check", subject["kind"], subject["name"], check.name)
         except Fault as fault:
             late = f"it did not finish within {worker.seconds:g} s."
             sentence = late if fault.outcome is Outcome.TIMEOUT else f"{fault.reason}."
             answer = {"result": "failed", "sentence": sentence}
-        seconds = round(time.perf_counter() - began, 3)
+        seconds = round(time.perf_counter() - start_time, 3)
         rows.append({"check": check.name, "promise": check.promise, **answer, "seconds": seconds})
     return {**subject, "passed": all(row["result"] != "failed" for row in rows), "checks": rows}

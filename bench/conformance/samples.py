@@ -10,7 +10,7 @@ from ...problems.contact.solver import Solver
 from ...problems.hard import hard_case
 from .checks import NotApplicable
 
-_HARD = (
+_HARD_CASES = (
     "hard-supports-4",
     "hard-stack-10",
     "hard-sliding-block",
@@ -35,9 +35,9 @@ _HARD = (
 
 def samples() -> list[ContactProblem]:
     """Return problems with 1, 2, 3 or mixed rows per contact, given by factors or G, some redundant or asymmetric."""
-    made = [random_contacts(8, dim) for dim in (1, 2, 3)]
-    made += [three_planar_contacts(), in_delassus_form(random_contacts(8, 3)), asymmetric()]
-    return made + [hard_case(name) for name in _HARD]
+    problems = [random_contacts(8, dim) for dim in (1, 2, 3)]
+    problems += [three_planar_contacts(), in_delassus_form(random_contacts(8, 3)), asymmetric()]
+    return problems + [hard_case(name) for name in _HARD_CASES]
 
 
 def supported(
@@ -50,14 +50,16 @@ def supported(
     Raises:
         NotApplicable: if it supports none; ``reason`` is the message.
     """
-    found = [problem for problem in (samples() if problems is None else problems) if solver.supports(problem) is None]
-    if not found:
+    accepted = [
+        problem for problem in (samples() if problems is None else problems) if solver.supports(problem) is None
+    ]
+    if not accepted:
         raise NotApplicable(reason)
-    return found
+    return accepted
 
 
 def random_contacts(n_contacts: int, dim: int) -> ContactProblem:
-    """Return ``n_contacts`` randomly coupled contacts of ``dim`` rows each, given by factors, with a regular G."""
+    """Return ``n_contacts`` randomly coupled contacts of ``dim`` rows each, given by factors, with a nonsingular G."""
     rng = np.random.default_rng(7)
     n_rows = n_contacts * dim
     directions = rng.normal(size=(n_rows + 16, n_rows)) / np.sqrt(n_rows + 16)

@@ -38,7 +38,7 @@ DEFAULT_STOP = Stop(1e-6, max_iterations=2000, max_seconds=1.0)
 """Tolerance and limits of solves in tests that are not about limits."""
 
 USEFUL_ACCURACY = 1e-3
-"""Judged residual, under its own model, that a solver must reach on at least one problem; Λ = 0 never reaches it."""
+"""Judged residual that a solver must reach on at least one problem under its own model; Λ = 0 never reaches it."""
 
 SLACK_SECONDS = 1.0
 """Time by which a solve may exceed its time limit, to finish an iteration [s]."""
@@ -111,15 +111,15 @@ def is_deterministic(solver: Solver, problem: ContactProblem) -> None:
     """Repeated solves, prepared once or anew, give identical results and leave earlier results unchanged."""
     prepared = solver.prepare(problem)
     first = prepared.solve(DEFAULT_STOP)
-    kept = first.impulses.copy()
-    again, anew = prepared.solve(DEFAULT_STOP), solution_of(solver, problem.fresh(), DEFAULT_STOP)
-    if not np.array_equal(kept, first.impulses, equal_nan=True):
+    impulses = first.impulses.copy()
+    repeated, prepared_anew = prepared.solve(DEFAULT_STOP), solution_of(solver, problem.fresh(), DEFAULT_STOP)
+    if not np.array_equal(impulses, first.impulses, equal_nan=True):
         raise Violation(f"a second solve of {problem.name} modified the impulses returned by the first; return a copy.")
-    for how, other in (("the same prepared problem", again), ("a problem prepared anew", anew)):
+    for description, other in (("the same prepared problem", repeated), ("a problem prepared anew", prepared_anew)):
         if not _have_equal_results(first, other):
             raise Violation(
-                f"two solves of {problem.name} differ by up to {np.abs(other.impulses - kept).max():.1e} N s "
-                f"({first.iterations} and {other.iterations} iterations), the second on {how}; keep no state "
+                f"two solves of {problem.name} differ by up to {np.abs(other.impulses - impulses).max():.1e} N s "
+                f"({first.iterations} and {other.iterations} iterations), the second on {description}; keep no state "
                 "between solves, and do not depend on random numbers or time."
             )
 
@@ -188,10 +188,10 @@ def solves_no_contacts(solver: Solver) -> None:
 @on_samples
 def is_unaffected_by_observer(solver: Solver, problem: ContactProblem) -> None:
     """The observer is called once per iteration and does not influence the result."""
-    unseen = solution_of(solver, problem, DEFAULT_STOP)
+    unobserved = solution_of(solver, problem, DEFAULT_STOP)
     calls: list[tuple[int, FloatArray]] = []
     prepared = solver.prepare(problem)
-    observed = prepared.solve(DEFAULT_STOP, observe=lambda iteration, seen: calls.append((iteration, np.array(seen))))
+    observed = prepared.solve(DEFAULT_STOP, observe=lambda number, impulses: calls.append((number, np.array(impulses))))
     numbers = [number for number, _ in calls]
     if numbers != list(range(1, observed.iterations + 1)):
         called = f"{len(numbers)} times, with iterations {numbers[0]} to {numbers[-1]}" if numbers else "never"
@@ -199,10 +199,12 @@ def is_unaffected_by_observer(solver: Solver, problem: ContactProblem) -> None:
             f"on {problem.name} it took {observed.iterations} iterations and called its observer {called}; "
             "call observe(iteration, impulses) after each, from 1, or set has_iterates = False."
         )
-    for _, shown in calls:
-        if shown.shape != (problem.n_rows,):
-            raise Violation(f"on {problem.name} it passed its observer impulses of shape {shown.shape}, not (n_rows,).")
-    if not _have_equal_results(unseen, observed):
+    for _, impulses in calls:
+        if impulses.shape != (problem.n_rows,):
+            raise Violation(
+                f"on {problem.name} it passed its observer impulses of shape {impulses.shape}, not (n_rows,)."
+            )
+    if not _have_equal_results(unobserved, observed):
         raise Violation(f"on {problem.name} the observed solve differs from the unobserved one; ignore the observer.")
 
 
@@ -230,9 +232,9 @@ def stops_at_solution(solver: Solver) -> None:
 def obeys_iteration_limit(solver: Solver, problem: ContactProblem) -> None:
     """A solve takes at most max_iterations iterations."""
     for limit in (1, 5):
-        done = solution_of(solver, problem, Stop(1e-300, limit, max_seconds=1.0)).iterations
-        if done > limit:
-            raise Violation(f"on {problem.name} it took {done} iterations, but max_iterations was {limit}.")
+        iterations = solution_of(solver, problem, Stop(1e-300, limit, max_seconds=1.0)).iterations
+        if iterations > limit:
+            raise Violation(f"on {problem.name} it took {iterations} iterations, but max_iterations was {limit}.")
 
 
 def obeys_time_limit(solver: Solver) -> None:
@@ -242,12 +244,12 @@ def obeys_time_limit(solver: Solver) -> None:
     prepared, seconds = solver.prepare(problem), 0.1
     endless = Stop(1e-300, max_iterations=10**9, max_seconds=seconds)
     prepared.solve(endless)  # compilation and loading do not count
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     solution = prepared.solve(endless)
-    took = time.perf_counter() - began
-    if took > seconds + SLACK_SECONDS:
+    elapsed = time.perf_counter() - start_time
+    if elapsed > seconds + SLACK_SECONDS:
         raise Violation(
-            f"with max_seconds={seconds:g} it took {took:.1f} s on {problem.name}, and the status is "
+            f"with max_seconds={seconds:g} it took {elapsed:.1f} s on {problem.name}, and the status is "
             f"{solution.status}; check the time once per iteration."
         )
 
@@ -257,7 +259,7 @@ def is_silent(solver: Solver) -> None:
     problem = _supported(solver)[0]
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")  # also warnings that were shown in earlier tests
-        printed = _printed(lambda: solution_of(solver, problem, DEFAULT_STOP)).strip()
+        printed = _captured_output(lambda: solution_of(solver, problem, DEFAULT_STOP)).strip()
     if warned:
         raise Violation(f"it issued the warning {str(warned[0].message)[:100]!r}; report it in Solution.message.")
     if printed:
@@ -301,36 +303,36 @@ def _supported(solver: Solver) -> list[ContactProblem]:
     try:
         return supported(solver)
     except NotApplicable:
-        made = samples()
+        problems = samples()
         raise Violation(
-            f"supports declines all {len(made)} small problems, the first because {solver.supports(made[0])}."
+            f"supports declines all {len(problems)} small problems, the first because {solver.supports(problems[0])}."
         ) from None
 
 
-def _have_equal_results(one: Solution, other: Solution) -> bool:
+def _have_equal_results(first: Solution, second: Solution) -> bool:
     """Return whether two solves give identical results; True if either reached the time limit."""
-    if Status.TIME_LIMIT in (one.status, other.status):
+    if Status.TIME_LIMIT in (first.status, second.status):
         return True
-    return one.impulses.tobytes() == other.impulses.tobytes() and one.iterations == other.iterations
+    return first.impulses.tobytes() == second.impulses.tobytes() and first.iterations == second.iterations
 
 
-def _printed(act: Callable[[], object]) -> str:
-    """Run ``act``; return its output on standard output and standard error, including that of native code."""
+def _captured_output(function: Callable[[], object]) -> str:
+    """Run ``function``; return its output on standard output and standard error, including that of native code."""
     try:
         sys.stdout.flush()
         sys.stderr.flush()
-        kept = {stream: os.dup(stream) for stream in (1, 2)}
+        originals = {stream: os.dup(stream) for stream in (1, 2)}
     except (OSError, ValueError, AttributeError):
         raise Violation("it closed standard output or standard error; leave them open.") from None
     printed = io.StringIO()  # Python's streams need not use the descriptors 1 and 2
     with tempfile.TemporaryFile() as file, redirect_stdout(printed), redirect_stderr(printed):
         try:
-            for stream in kept:
+            for stream in originals:
                 os.dup2(file.fileno(), stream)
-            act()
+            function()
         finally:
             ctypes.CDLL(None).fflush(None)
-            for stream, copy in kept.items():
+            for stream, copy in originals.items():
                 os.dup2(copy, stream)
                 os.close(copy)
         file.seek(0)

@@ -103,15 +103,15 @@ def own_residual(solver: Solver, problem: ContactProblem, impulses: FloatArray) 
 
 def require_known_answer(problem: ContactProblem, impulses: FloatArray) -> None:
     """Raise ``Violation`` if the error of confirmed impulses is larger than their residual implies."""
-    known = problem.answer
-    if known is None:
+    answer = problem.answer
+    if answer is None:
         return
     prepared = Residual(problem)
-    error = known.error(impulses, problem.accurate_velocity(impulses)[0], prepared.scale)
+    error = answer.error(impulses, problem.accurate_velocity(impulses)[0], prepared.scale)
     if error is None:
         return
     residual = judge(problem, impulses).residual
-    allowed = known.sensitivity * (residual + prepared.rounding(impulses) + ROUNDING)
+    allowed = answer.sensitivity * (residual + prepared.rounding(impulses) + ROUNDING)
     if not error <= allowed:
         raise Violation(
             f"on {problem.name} its error against the known answer is {error:.1e}, but its residual of "

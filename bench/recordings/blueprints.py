@@ -30,6 +30,8 @@ SOLVERS_IN_A_ROW = 4
 """Largest number of solvers side by side."""
 
 SECONDS_TO_PLAY = 12.0
+"""Duration of the playback of a recording of solves, within the range of speeds [s]."""
+
 SLOWEST, FASTEST = 4.0, 120.0
 """Range of iterations per second at which a recording of solves is played."""
 
@@ -51,16 +53,23 @@ class Camera:
 
     @classmethod
     def around(cls, low: FloatArray, high: FloatArray, distance: float, direction: Sequence[float]) -> "Camera":
-        """Return the view of a box, given by two corners [m], from a distance [m] in a direction, shape (3,)."""
+        """Return the camera that faces the middle of a box from a distance [m].
+
+        Args:
+            low: lowest corner of the box [m], shape (3,).
+            high: highest corner [m], shape (3,).
+            distance: distance from the middle to the camera [m].
+            direction: unit vector from the middle to the camera, shape (3,).
+        """
         middle = (low + high) / 2.0
         return cls(middle + distance * np.array(direction), middle)
 
 
 class CameraFit:
-    """The closest camera that shows all points, found point by point.
+    """The closest camera that shows all included points.
 
     A point x is visible from p if (x − p) · n ≥ 0 for the normal n of each of the four sides of the view. The
-    position of the camera therefore depends only on the least x · n of all points.
+    position of the camera therefore depends only on the smallest x · n of all points for each n.
 
     Args:
         direction: from the points to the camera, shape (3,).
@@ -75,30 +84,30 @@ class CameraFit:
         self._slopes = FILLED_SHARE * np.tan(0.5 * FIELD_OF_VIEW) * np.array([aspect, 1.0])
         across, along = self._slopes[:, None] * self._forward
         self._normals = np.array([across + self._right, across - self._right, along + self._up, along - self._up])
-        self._least, self._depths = np.full(4, np.inf), np.array([np.inf, -np.inf])
+        self._min_products, self._depths = np.full(4, np.inf), np.array([np.inf, -np.inf])
 
     def include(self, points: FloatArray) -> None:
         """Include points [m], shape (n, 3)."""
         if len(points):
-            self._least = np.minimum(self._least, (points @ self._normals.T).min(axis=0))
+            self._min_products = np.minimum(self._min_products, (points @ self._normals.T).min(axis=0))
             depths = points @ self._forward
             self._depths = np.array([min(depths.min(), self._depths[0]), max(depths.max(), self._depths[1])])
 
     @property
     def depth(self) -> float:
         """Position of the camera along its line of sight [m]; larger is closer."""
-        return float((self._least.reshape(2, 2).sum(axis=1) / (2.0 * self._slopes)).min())
+        return float((self._min_products.reshape(2, 2).sum(axis=1) / (2.0 * self._slopes)).min())
 
     def camera(self) -> Camera:
         """Return the camera, which faces the middle of the points in depth."""
-        across, along = -0.5 * np.diff(self._least.reshape(2, 2), axis=1).ravel()
-        aside = across * self._right + along * self._up
+        across, along = -0.5 * np.diff(self._min_products.reshape(2, 2), axis=1).ravel()
+        offset = across * self._right + along * self._up
         middle = float(self._depths.mean())
-        return Camera(aside + self.depth * self._forward, aside + middle * self._forward)
+        return Camera(offset + self.depth * self._forward, offset + middle * self._forward)
 
 
 def space_view(name: str, camera: Camera, contents: Sequence[str], tracking: str | None = None) -> rrb.Spatial3DView:
-    """Return a spatial view of the entities ``contents`` from ``camera``."""
+    """Return a spatial view of the entities ``contents`` from ``camera``, which follows ``tracking`` if given."""
     return rrb.Spatial3DView(
         origin="/",
         contents=list(contents),
@@ -114,15 +123,15 @@ def space_view(name: str, camera: Camera, contents: Sequence[str], tracking: str
 def plot(name: str, origin: str, legend: bool = True, heights: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
     """Return a plot of the curves under ``origin``, optionally with a legend at the top right.
 
-    ``heights`` are the least and the largest value shown; if None, those of the curves.
+    ``heights`` are the smallest and the largest value shown; if None, those of the curves.
     """
     axis = None if heights is None else rrb.ScalarAxis(range=heights)
-    shown = rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend)
-    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=shown, axis_y=axis)
+    plot_legend = rrb.PlotLegend(rrb.Corner2D.RightTop, visible=legend)
+    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=plot_legend, axis_y=axis)
 
 
 def set_axis_range(view: rrb.TimeSeriesView, heights: tuple[float, float]) -> None:
-    """Limit the axis of a plot to the values between two ``heights``."""
+    """Limit the axis of a plot to the values between the two ``heights``."""
     view.properties["ScalarAxis"] = rrb.ScalarAxis(range=heights)
 
 
@@ -172,8 +181,8 @@ def simulation_blueprint(
     column = rrb.Vertical(*plots, about, row_shares=[1.0] * len(plots) + [1.3])
     content: Sequence[rrb.Spatial3DView | rrb.Container] = [rrb.Vertical(*views)] if is_stacked else views
     width = len(views) / max(len(content), 1)
-    whole = rrb.Horizontal(*content, column, column_shares=[width] * len(content) + [1.0])
-    return _blueprint(whole, STEP, DRAWN_PER_SECOND * every)
+    layout = rrb.Horizontal(*content, column, column_shares=[width] * len(content) + [1.0])
+    return _blueprint(layout, STEP, DRAWN_PER_SECOND * every)
 
 
 def _blueprint(content: rrb.Container, timeline: str, frames: float) -> rrb.Blueprint:

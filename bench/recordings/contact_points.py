@@ -121,47 +121,52 @@ def grid_places(n_contacts: int) -> Places:
 
 
 def _from_factors(problem: ContactProblem) -> Places | None:
+    """Return the places computed from the factors; None if the factors do not describe rigid bodies."""
     if problem.factors is None or not problem.layout.is_dense or not problem.n_contacts:
         return None
     directions = problem.factors.force_directions
     pieces = cut_into_pieces(directions, np.ones(directions.shape[0]), problem.layout)
-    touching = _bodies_in_contact(pieces)
-    rigid = None if touching is None else _axes_and_arms(touching[1], touching[0] < pieces.n_chunks)
-    if touching is None or rigid is None:
+    pairs = _bodies_in_contact(pieces)
+    rigid = None if pairs is None else _axes_and_arms(pairs[1], pairs[0] < pieces.n_chunks)
+    if pairs is None or rigid is None:
         return None
-    bodies, (axes, arms) = touching[0], rigid
+    bodies, (axes, arms) = pairs[0], rigid
     size = float(np.median(np.linalg.norm(arms[:, 0], axis=1))) or 1.0
     centres = _centres(bodies, arms, pieces.n_chunks, size)
     positions = centres[bodies[:, 0]] + arms[:, 0]
     frames = np.pad(axes, ((0, 0), (0, 3 - pieces.width), (0, 0)))
-    least_radii = _least_ball_radii(problem, *RIGID_SHAPES[pieces.width, pieces.length])
-    shown = _bodies(bodies, axes[:, 0], arms, centres, least_radii)
+    smallest_radii = _smallest_ball_radii(problem, *RIGID_SHAPES[pieces.width, pieces.length])
+    reconstructed = _reconstruct_bodies(bodies, axes[:, 0], arms, centres, smallest_radii)
     text = "Places and directions are computed from the force directions; separate heaps are drawn side by side."
-    return Places(positions, frames, size, f"{text} {shown.sentence}", shown)
+    return Places(positions, frames, size, f"{text} {reconstructed.sentence}", reconstructed)
 
 
-def _bodies(
-    touching: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, least_radii: FloatArray
+def _reconstruct_bodies(
+    pairs: IntArray, normals: FloatArray, arms: FloatArray, centres: FloatArray, smallest_radii: FloatArray
 ) -> Bodies:
-    """Return the bodies in contact; a body whose arms fit a ball is a ball if its radius is large enough."""
+    """Return the bodies in contact.
+
+    A body is a ball if its arms fit a ball whose radius is at least that of ``smallest_radii`` [m], shape (n_bodies,).
+    """
     n_bodies = len(centres)
-    contact, side = np.nonzero(touching < n_bodies)
-    body, arm = touching[contact, side], arms[contact, side]
+    contact, side = np.nonzero(pairs < n_bodies)
+    body, arm = pairs[contact, side], arms[contact, side]
     outwards = np.where(side == 0, -1.0, 1.0)[:, None] * normals[contact]
     radius = np.full(n_bodies, np.inf)
     np.minimum.at(radius, body, np.einsum("cx,cx->c", arm, outwards))
-    is_ball = (radius > 0.0) & (least_radii <= (1.0 + BALL_TOLERANCE) * radius)
+    is_ball = (radius > 0.0) & (smallest_radii <= (1.0 + BALL_TOLERANCE) * radius)
     fits = np.linalg.norm(arm - radius[body, None] * outwards, axis=1) <= BALL_TOLERANCE * radius[body]
     is_ball[body[~fits]] = False
     ends = np.stack([centres[body], centres[body] + arm], axis=1)[~is_ball[body]]
-    seen = np.unique(body)
-    return Bodies(centres[seen], np.where(is_ball, radius, np.nan)[seen], ends)
+    present = np.unique(body)
+    return Bodies(centres[present], np.where(is_ball, radius, np.nan)[present], ends)
 
 
-def _least_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int) -> FloatArray:
-    """Return the least radius r [m] at which each body can be a ball: θ = 2/5 m r² in space.
+def _smallest_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int) -> FloatArray:
+    """Return the smallest radius r [m] at which each body can be a ball: θ = 2/5 m r² in space.
 
-    It is infinite for bodies without rotations, and for those whose mass matrix does not consist of blocks m I and θ I.
+    The radius is infinite for bodies without rotations, and for bodies whose mass matrix does not consist of blocks
+    m I and θ I.
     """
     assert problem.factors is not None
     inverse, length = problem.factors.inverse_mass.matrix, dimension + n_rotations
@@ -170,12 +175,12 @@ def _least_ball_radii(problem: ContactProblem, dimension: int, n_rotations: int)
         return np.full(n_bodies, np.inf)
     diagonal = np.asarray(inverse.diagonal()).reshape(n_bodies, length)
     linear, angular = diagonal[:, :dimension], diagonal[:, dimension:]
-    least: FloatArray = np.sqrt(linear[:, 0] / (UNIFORM_INERTIA[dimension] * angular[:, 0]))
+    radii: FloatArray = np.sqrt(linear[:, 0] / (UNIFORM_INERTIA[dimension] * angular[:, 0]))
     for part in (linear, angular):
-        least[np.ptp(part, axis=1) > BALL_TOLERANCE * part[:, 0]] = np.inf
+        radii[np.ptp(part, axis=1) > BALL_TOLERANCE * part[:, 0]] = np.inf
     entries = sp.coo_array(inverse)
-    least[entries.row[(entries.row != entries.col) & (entries.data != 0.0)] // length] = np.inf
-    return least
+    radii[entries.row[(entries.row != entries.col) & (entries.data != 0.0)] // length] = np.inf
+    return radii
 
 
 def _bodies_in_contact(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
@@ -186,8 +191,8 @@ def _bodies_in_contact(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
     if pieces.in_pairs:
         bodies, values = pieces.chunks.reshape(-1, 2), pieces.values.reshape(-1, 2, pieces.width, pieces.length)
     elif (np.diff(pieces.starts) == 1).all():
-        none = np.full(pieces.n_blocks, pieces.n_chunks)
-        bodies = np.column_stack([pieces.chunks, none])
+        no_body = np.full(pieces.n_blocks, pieces.n_chunks)
+        bodies = np.column_stack([pieces.chunks, no_body])
         values = np.stack([pieces.values, np.zeros_like(pieces.values)], axis=1)
     else:
         return None
@@ -196,26 +201,33 @@ def _bodies_in_contact(pieces: Pieces) -> tuple[IntArray, FloatArray] | None:
     return bodies, values
 
 
-def _axes_and_arms(values: FloatArray, seen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray] | None:
-    """Return axes of contacts, shape (n, width, 3), and arms, shape (n, 2, 3); None unless the bodies are rigid."""
+def _axes_and_arms(values: FloatArray, has_body: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray] | None:
+    """Return axes of contacts, shape (n, width, 3), and arms [m], shape (n, 2, 3); None unless the bodies are rigid.
+
+    Args:
+        values: pieces of both bodies of each contact, shape (n, 2, width, length).
+        has_body: whether a contact has a first and a second body, shape (n, 2).
+    """
     width, length = values.shape[2:]
     if (width, length) not in RIGID_SHAPES:
         return None
     dimension, _ = RIGID_SHAPES[width, length]
     linear, moments = values[..., :dimension], values[..., dimension:]
-    gram = np.einsum("cplx,cpmx->cplm", linear, linear)[seen]
-    opposed = (linear[:, 0] + linear[:, 1])[seen[:, 1]]
+    gram = np.einsum("cplx,cpmx->cplm", linear, linear)[has_body]
+    opposed = (linear[:, 0] + linear[:, 1])[has_body[:, 1]]
     if max(np.abs(gram - np.eye(width)).max(), np.abs(opposed).max(initial=0.0)) > RIGID_TOLERANCE:
         return None
     spatial = in_space(linear)
     if width == 1:  # no friction, no rotation: equal balls of unknown radius, drawn with radius 1
-        return spatial[:, 0], -spatial[:, :, 0] * seen[..., None]
+        return spatial[:, 0], -spatial[:, :, 0] * has_body[..., None]
     if not moments.size:
         return spatial[:, 0], np.zeros((len(values), 2, 3))
-    turned = moments if dimension == 3 else -moments * np.array([0.0, 1.0, 0.0])
+    spatial_moments = moments if dimension == 3 else -moments * np.array([0.0, 1.0, 0.0])
     # for orthonormal e and m = a × e, Σ e × m = Σ (a − e (e·a)) is 2a with three axes, and a with two
-    arms: FloatArray = np.cross(spatial, turned).sum(axis=2) / (width - 1)
-    if np.abs(np.cross(arms[:, :, None], spatial) - turned).max() > RIGID_TOLERANCE * max(1.0, np.abs(arms).max()):
+    arms: FloatArray = np.cross(spatial, spatial_moments).sum(axis=2) / (width - 1)
+    if np.abs(np.cross(arms[:, :, None], spatial) - spatial_moments).max() > RIGID_TOLERANCE * max(
+        1.0, np.abs(arms).max()
+    ):
         return None
     return spatial[:, 0], arms
 
@@ -225,39 +237,39 @@ def _centres(bodies: IntArray, arms: FloatArray, n_bodies: int, size: float) -> 
     paired = np.flatnonzero(bodies[:, 1] < n_bodies)
     first, second = bodies[paired, 0], bodies[paired, 1]
     count = len(paired)
-    ends = (np.concatenate([first, second]), np.tile(np.arange(count), 2))
+    indices = (np.concatenate([first, second]), np.tile(np.arange(count), 2))
     incidence: Any = sp.csr_array(
-        sp.coo_array((np.concatenate([np.ones(count), -np.ones(count)]), ends), shape=(n_bodies, count))
+        sp.coo_array((np.concatenate([np.ones(count), -np.ones(count)]), indices), shape=(n_bodies, count))
     )
-    apart = arms[paired, 1] - arms[paired, 0]
+    offsets = arms[paired, 1] - arms[paired, 0]
     laplacian = sp.csc_array(incidence @ incidence.T)
     _, heap = connected_components(laplacian, directed=False)
     anchors = np.zeros(n_bodies)
     anchors[np.unique(heap, return_index=True)[1]] = 1.0  # fix one body of each heap; otherwise the matrix is singular
-    solved = spsolve(sp.csc_array(laplacian + sp.diags_array(anchors)), incidence @ apart)
+    solved = spsolve(sp.csc_array(laplacian + sp.diags_array(anchors)), incidence @ offsets)
     return _side_by_side(np.asarray(solved).reshape(n_bodies, 3), heap.astype(np.int64), bodies[:, 0], size)
 
 
-def _side_by_side(centres: FloatArray, heap: IntArray, touched: IntArray, size: float) -> FloatArray:
+def _side_by_side(centres: FloatArray, heap: IntArray, bodies_in_contact: IntArray, size: float) -> FloatArray:
     """Return the centres with the largest heap at the origin, and the other heaps that have contacts to its right.
 
     The other heaps form columns as deep as the largest heap, on the same floor.
     """
-    in_contact = np.unique(heap[touched])
+    in_contact = np.unique(heap[bodies_in_contact])
     order = in_contact[np.argsort(-np.bincount(heap)[in_contact], kind="stable")]
     gap = 3.0 * size
     edge = floor = depth = along = across = 0.0
     for rank, number in enumerate(order):
-        mine = heap == number
-        low, extent = centres[mine].min(axis=0), np.ptp(centres[mine], axis=0)
+        members = heap == number
+        low, extent = centres[members].min(axis=0), np.ptp(centres[members], axis=0)
         if rank == 0:
-            centres[mine] -= low + extent / 2.0
+            centres[members] -= low + extent / 2.0
             edge, depth, floor = extent * (0.5, 0.5, -0.5) + (gap, 0.0, 0.0)
             along = -depth
             continue
         if along > depth:
             edge, along, across = edge + across + gap, -depth, 0.0
-        centres[mine] += np.array([edge, along, floor]) - low
+        centres[members] += np.array([edge, along, floor]) - low
         along += extent[1] + gap
         across = max(across, extent[0])
     return centres

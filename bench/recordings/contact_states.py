@@ -17,6 +17,7 @@ SLIP_SHARE = 1.0 - 1e-4
 """Share of the friction bound above which a contact slips."""
 
 States = NDArray[np.uint16]
+"""The ``ContactState`` of each contact, shape (n_contacts,)."""
 
 
 class ContactState(IntEnum):
@@ -47,8 +48,8 @@ def contact_states(layout: BlockLayout, lanes: FloatArray) -> States:
     tangent = np.sqrt((finite[:, 1 : 1 + layout.sliding] ** 2).sum(axis=1))
     states = np.where(tangent >= SLIP_SHARE * bound, ContactState.SLIP, ContactState.STICK)
     has_normal = layout.normal_law >= 0
-    closed = normal > OPEN_SHARE * normal.max(initial=0.0)
-    states = np.where(has_normal & ~closed, ContactState.OPEN, states)
+    is_closed = normal > OPEN_SHARE * normal.max(initial=0.0)
+    states = np.where(has_normal & ~is_closed, ContactState.OPEN, states)
     return np.where(layout.is_bilateral, ContactState.STICK, states).astype(np.uint16)
 
 

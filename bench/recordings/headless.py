@@ -52,15 +52,15 @@ class HeadlessViewer:
         return self.timeline.start or 0, self.timeline.end or 0
 
     def show(self, blueprint: Mapping[str, Any], at: int) -> None:
-        """Change the layout, and wait until two successive pictures at a time are equal."""
+        """Change the layout and the time, and wait until two successive pictures are equal."""
         self._seek(at)
         self.client.set_blueprint(dict(blueprint), "recording")
-        before = b""
+        latest = b""
 
         def is_settled() -> bool | None:
-            nonlocal before
-            last, before = before, self.client.take_screenshot()
-            return True if before == last and _timeline(self.client, self.timeline.name) == self.timeline else None
+            nonlocal latest
+            previous, latest = latest, self.client.take_screenshot()
+            return True if latest == previous and _timeline(self.client, self.timeline.name) == self.timeline else None
 
         _wait_for(is_settled, "the picture does not settle")
 
@@ -72,12 +72,13 @@ class HeadlessViewer:
         clear_title_bars(content, blueprint)
         return content
 
-    def _seek(self, at: int) -> None:
+    def _seek(self, instant: int) -> None:
+        """Stop at a time: a number of steps or iterations, or a time [ns]."""
         name = self.timeline.name
         if self.timeline.time_type == "sequence":
-            self.client.set_time(name, sequence=at, play_state="paused")
+            self.client.set_time(name, sequence=instant, play_state="paused")
         else:
-            self.client.set_time(name, duration=np.timedelta64(at, "ns"), play_state="paused")
+            self.client.set_time(name, duration=np.timedelta64(instant, "ns"), play_state="paused")
 
 
 @contextmanager
@@ -94,8 +95,8 @@ def headless_viewer(recording: Path, timeline: str, size: tuple[int, int], targe
     try:
         with tempfile.TemporaryDirectory() as folder, _running_viewer(program, Path(folder), size) as client:
             client.open(str(recording.absolute()))
-            loaded = _wait_for(lambda: _timeline(client, timeline), "loading takes too long")
-            yield HeadlessViewer(client, loaded, client.get_blueprint("recording").blueprint)
+            loaded_timeline = _wait_for(lambda: _timeline(client, timeline), "loading takes too long")
+            yield HeadlessViewer(client, loaded_timeline, client.get_blueprint("recording").blueprint)
     except Exception as error:  # any exception of the viewer and its experimental interface
         remedy = "install a Vulkan driver (on Debian: apt-get install mesa-vulkan-drivers)"
         if isinstance(error, TimeoutError):
@@ -110,7 +111,9 @@ def _timeline(client: ViewerClient, name: str) -> Timeline | None:
     state = client.get_state()
     if state.loading:
         return None
-    return next((line for held in state.recordings for line in held.timelines if line.name == name), None)
+    return next(
+        (timeline for recording in state.recordings for timeline in recording.timelines if timeline.name == name), None
+    )
 
 
 @contextmanager
@@ -143,21 +146,22 @@ def _running_viewer(program: str, folder: Path, size: tuple[int, int]) -> Iterat
 
 
 def _wait_for(check: Callable[[], T | None], timeout_message: str) -> T:
-    """Poll until there is a result.
+    """Poll ``check`` until it returns a result other than None.
 
     Raises:
-        TimeoutError: if there is none in time, with the message ``timeout_message``.
+        TimeoutError: if ``check`` returns None for ``PHASE_SECONDS``, with the message ``timeout_message``.
     """
-    end = time.monotonic() + PHASE_SECONDS
-    while time.monotonic() < end:
-        found = check()
-        if found is not None:
-            return found
+    deadline = time.monotonic() + PHASE_SECONDS
+    while time.monotonic() < deadline:
+        result = check()
+        if result is not None:
+            return result
         time.sleep(POLL_SECONDS)
     raise TimeoutError(timeout_message)
 
 
 def _free_port() -> int:
+    """Return a free TCP port of the local interface."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]

@@ -34,14 +34,14 @@ def scene_recorder(scene: Scene, file: Path, n_steps: int, force: bool = False) 
     """
     if scene.view is not None and scene.view not in VIEWS:
         raise BenchError(f"the scene {scene.name!r} has no view {scene.view!r}{suggestion(scene.view, VIEWS)}")
-    kind: type[SceneRecorder]
+    recorder: type[SceneRecorder]
     if scene.view is not None:
-        kind = VIEWS[scene.view]
+        recorder = VIEWS[scene.view]
     elif scene.bodies is not None:
-        kind = RigidRecorder
+        recorder = RigidRecorder
     else:
-        kind = CoordinateRecorder if scene.balls is None else BallRecorder
-    return kind(scene, file, force, max(1, math.ceil(n_steps / FRAMES)))
+        recorder = CoordinateRecorder if scene.balls is None else BallRecorder
+    return recorder(scene, file, force, max(1, math.ceil(n_steps / FRAMES)))
 
 
 def record_stored(
@@ -60,7 +60,7 @@ def record_stored(
         steps: one row per step, as in ``SceneRecorder.record``.
         states: stored states, beginning with the start.
         file: the recording, ending in ``.rrd``.
-        impulse_seconds: time that converts forces of states to impulses [s].
+        impulse_seconds: time over which forces of states act as impulses [s]; None if the states contain impulses.
         force: replace an existing file.
 
     Raises:
@@ -80,8 +80,8 @@ def record_stored(
 def step_ending_at(system: System, state: State, length: float, impulse_seconds: float | None = None) -> Step:
     """Return the step of ``length`` [s] that ended at ``state``, with the contacts and impulses of the state.
 
-    The contacts are those at its midpoint, q_E − u_E Δt/2, where q_E and u_E are those of ``state``. States of a
-    variable step contain forces; they are converted to impulses over ``impulse_seconds`` [s].
+    The contacts are those at its midpoint, q_E − u_E Δt/2, where q_E and u_E are those of ``state``. If
+    ``impulse_seconds`` [s] is given, the state contains forces, which are converted to impulses over this time.
     """
     midpoint = system.move(state.position, state.velocity, -0.5 * length)
     assembly = system.assemble(midpoint, state.velocity, length)

@@ -43,16 +43,16 @@ COLOURS = {
     "energy/total": PALETTE[3],
     "angles/sleeve": PALETTE[1],
 }
-"""Colours of curves; other curves have ``PALETTE[5]``."""
+"""Colours of curves; other curves, except coordinates, have ``PALETTE[5]``."""
 
 MIN_SPANS = {COORDINATES: 1e-6, "angles": 1e-6, "energy": 1e-9, "residual": 0.2, "step_size": 0.2}
-"""Least span of the axis of a group of curves: 1 µm, 1 µrad, 1 nJ, and a fifth of a decade."""
+"""Smallest span of the axis of a group of curves: 1 µm, 1 µrad, 1 nJ, and a fifth of a decade."""
 
 MIN_OBSERVED = 1e-9
-"""Least span of the axis of an observable, in its own unit; smaller variations are rounding errors."""
+"""Smallest span of the axis of an observable, in its own unit; smaller variations are rounding errors."""
 
 MIN_SPAN_RATIO = 1e-4
-"""Least span of an axis relative to its largest value, so that constant curves do not show rounding errors."""
+"""Smallest span of an axis relative to its largest value, so that constant curves do not show rounding errors."""
 
 Entities = Iterable[tuple[str, rr.AsComponents]]
 """Entity paths with their components."""
@@ -61,7 +61,7 @@ Entities = Iterable[tuple[str, rr.AsComponents]]
 class SceneRecorder:
     """Record a finished simulation: curves of all steps, and the bodies and impulses of some.
 
-    Subclasses draw the bodies. A failed recording leaves no file behind, and does not change an existing one.
+    Subclasses draw the bodies. A failed recording leaves no file behind, and does not change an existing observable.
 
     Args:
         scene: the simulated scene.
@@ -72,10 +72,10 @@ class SceneRecorder:
 
     def __init__(self, scene: Scene, file: Path, force: bool = False, every: int = 1) -> None:
         self.scene, self._file, self._force, self._every = scene, file, force, every
-        self._observables = [one for one in scene.observables if one.label]
+        self._observables = [observable for observable in scene.observables if observable.label]
         self._curves: dict[str, dict[int, float]] = {}
         self._exponents: dict[str, int] = {}
-        self._last, self._number, self._seconds = scene.start, 0, scene.step_size
+        self._last_state, self._step_number, self._step_seconds = scene.start, 0, scene.step_size
 
     @property
     def title(self) -> str:
@@ -95,9 +95,11 @@ class SceneRecorder:
         start = self.scene.start
         times = np.array([start.time, *steps["time"]])
         curves = step_curves(self.scene, steps, times)
-        for one in self._observables:
-            self._exponents[one.name] = exponent = unit_exponent(curves[one.name]) if has_unit(one.label) else 0
-            curves[one.name] = curves[one.name] / 10.0**exponent
+        for observable in self._observables:
+            self._exponents[observable.name] = exponent = (
+                unit_exponent(curves[observable.name]) if has_unit(observable.label) else 0
+            )
+            curves[observable.name] = curves[observable.name] / 10.0**exponent
         self._curves = {name: dict(enumerate(values.tolist())) for name, values in curves.items()}
         plots = self._plots()
         with RecordingFile(self._file, self._force) as recording:
@@ -107,11 +109,11 @@ class SceneRecorder:
             _log(stream, self._scenery(), static=True)
             self._draw_step(stream, 0, Step(start, None, np.zeros(0), None, None, 0))
             for number, step in drawn:
-                self._number, self._seconds = number, float(times[number] - times[number - 1])
+                self._step_number, self._step_seconds = number, float(times[number] - times[number - 1])
                 self._draw_step(stream, number, step)
             about = rr.TextDocument(f"**{self.title}**\n\n{self._explanation()}", media_type="text/markdown")
             _log(stream, [("about", about), *self._summary()], static=True)
-            for number, entities in self._drawn_last():
+            for number, entities in self._final_entities():
                 stream.set_time(STEP, sequence=number)
                 stream.set_time(TIME, duration=float(times[number]))
                 _log(stream, entities)
@@ -130,37 +132,39 @@ class SceneRecorder:
 
     def _draw_step(self, stream: rr.RecordingStream, number: int, step: Step) -> None:
         """Draw a step, and store the curves of its contacts and its state."""
-        states, counted = None, None
+        states, counted_states = None, None
         if step.problem is not None:
             layout = step.problem.layout
             states = contact_states(layout, layout.pad(step.impulses))
-            counted = states[~layout.is_bilateral]
+            counted_states = states[~layout.is_bilateral]
         stream.set_time(STEP, sequence=number)
         stream.set_time(TIME, duration=step.state.time)
         _log(stream, self._bodies(step.state))
         _log(stream, self._impulses(step, states))
-        self._last = step.state
-        for name, value in (_counts(counted) | self._own_curves(step.state)).items():
+        self._last_state = step.state
+        for name, value in (_counts(counted_states) | self._own_curves(step.state)).items():
             self._curves.setdefault(name, {})[number] = value
 
     def _write_curves(self, stream: rr.RecordingStream, times: FloatArray) -> None:
         for name, points in self._curves.items():
-            kept = [step for step, value in points.items() if not np.isnan(value)]
-            at = [rr.TimeColumn(STEP, sequence=kept), rr.TimeColumn(TIME, duration=times[kept])]
+            numbers = [step for step, value in points.items() if not np.isnan(value)]
+            columns = [rr.TimeColumn(STEP, sequence=numbers), rr.TimeColumn(TIME, duration=times[numbers])]
             label, colour = name.rpartition("/")[2], _colour_of(name)
-            write_curve(stream, f"curves/{name}", at, [points[step] for step in kept], label=label, colour=colour)
+            write_curve(
+                stream, f"curves/{name}", columns, [points[step] for step in numbers], label=label, colour=colour
+            )
 
     def _widen_axes(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:
-        """Widen the axes of constant curves, to avoid magnified rounding errors; return whether there are any."""
-        is_framed = False
+        """Widen the axes of constant curves, to avoid magnified rounding errors; return whether the layout changes."""
+        has_changed = False
         spans = MIN_SPANS | {name: MIN_OBSERVED / 10.0**exponent for name, exponent in self._exponents.items()}
         for view in plots:
             group = str(view.origin).rpartition("/")[2]
             span = spans.get(group)  # counts have none
             if span is not None and (heights := axis_range(self._values(group), span)) is not None:
                 set_axis_range(view, heights)
-                is_framed = True
-        return is_framed
+                has_changed = True
+        return has_changed
 
     def _values(self, group: str) -> list[float]:
         """Return all known values of a group of curves."""
@@ -180,8 +184,12 @@ class SceneRecorder:
         """Return the plots."""
         return [
             *(
-                plot(scaled_label(one.label, self._exponents[one.name]), f"/curves/{one.name}", legend=False)
-                for one in self._observables
+                plot(
+                    scaled_label(observable.label, self._exponents[observable.name]),
+                    f"/curves/{observable.name}",
+                    legend=False,
+                )
+                for observable in self._observables
             ),
             plot("active contacts", "/curves/contacts"),
             plot("solver iterations", "/curves/iterations", legend=False),
@@ -194,7 +202,7 @@ class SceneRecorder:
         return ()
 
     def _bodies(self, state: State) -> Entities:
-        """Return the bodies; ``_last`` is the previously drawn state."""
+        """Return the bodies; ``_last_state`` is the previously drawn state."""
         return ()
 
     def _impulses(self, step: Step, states: States | None) -> Entities:
@@ -209,8 +217,8 @@ class SceneRecorder:
         """Return the static entities that are known only at the end."""
         return ()
 
-    def _drawn_last(self) -> Iterable[tuple[int, Entities]]:
-        """Return the entities of steps, by their numbers, that are known only at the end."""
+    def _final_entities(self) -> Iterable[tuple[int, Entities]]:
+        """Return the numbers of steps with those of their entities that are known only at the end."""
         return ()
 
 
@@ -233,7 +241,11 @@ def step_curves(scene: Scene, steps: NDArray[np.void], times: FloatArray) -> dic
         "iterations": np.array([0.0, *steps["iterations"]]),
         "residual": np.array([np.nan, *np.log10(np.maximum(steps["residual"], MIN_RESIDUAL))]),
         **energies,
-        **{one.name: np.array([one.compute(start), *steps[one.name]]) for one in scene.observables if one.label},
+        **{
+            observable.name: np.array([observable.compute(start), *steps[observable.name]])
+            for observable in scene.observables
+            if observable.label
+        },
     }
 
 
@@ -260,7 +272,7 @@ def scaled_label(label: str, exponent: int) -> str:
 
 
 def axis_range(values: Sequence[float], smallest_span: float) -> tuple[float, float] | None:
-    """Return the range of the axis for nearly constant values; None if their own range suffices, or without values."""
+    """Return the range of the axis for nearly constant values; None if their range suffices, or without values."""
     if not values:
         return None
     low, high = min(values), max(values)
@@ -313,7 +325,7 @@ class CoordinateRecorder(SceneRecorder):
     """Record the coordinates of a scene; see ``SceneRecorder``."""
 
     @property
-    def _names(self) -> Mapping[str, int]:
+    def _coordinate_indices(self) -> Mapping[str, int]:
         count = min(len(self.scene.start.position), MAX_COORDINATES)
         return self.scene.coordinates or {f"q{index}": index for index in range(count)}
 
@@ -321,4 +333,6 @@ class CoordinateRecorder(SceneRecorder):
         return [plot("coordinates", f"/curves/{COORDINATES}"), *super()._plots(), step_size_plot()]
 
     def _own_curves(self, state: State) -> dict[str, float]:
-        return {f"{COORDINATES}/{name}": float(state.position[index]) for name, index in self._names.items()}
+        return {
+            f"{COORDINATES}/{name}": float(state.position[index]) for name, index in self._coordinate_indices.items()
+        }

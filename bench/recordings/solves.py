@@ -34,7 +34,7 @@ MAX_GROWTH = 1e2
 """Bound of the curves of diverging solvers, relative to the largest initial value of any solver."""
 
 FIRST_POINTS = {"residual": 0, "complementarity": 1, "step_change": 1}
-"""First point of each curve; at Λ = 0 only the residual is meaningful."""
+"""Index of the first point of each curve; at Λ = 0 only the residual is meaningful."""
 
 ARROW_SIZES = 3.0
 """Length of the arrow, in body sizes, for the 90 % quantile of the impulses of closed contacts."""
@@ -46,7 +46,7 @@ GLASS = (150, 170, 200, 60)
 """Colour of balls, transparent to show the impulses between them."""
 
 LINES = (150, 170, 200)
-"""Colour of other bodies."""
+"""Colour of bodies that are not balls."""
 
 TOLERANCE = 1e-8
 """Tolerance of solves recorded from a run; most solvers need too many iterations for its finest tolerance."""
@@ -98,7 +98,7 @@ def record_solves(
 
     Curves contain the first thousand iterations, and arrows the first twenty. Both continue with a geometric sequence
     of iterations and the last one. If a solver raises an exception, or does not support the problem, the recording and
-    its trace report this; the other solvers are still recorded.
+    its trace report this; the remaining solvers are still recorded.
 
     Args:
         problem: the contact problem.
@@ -116,32 +116,33 @@ def record_solves(
         raise BenchError("name at least one solver to record.")
     if not problem.n_contacts:
         raise BenchError(f"the problem {problem.name!r} has no contacts; record another problem.")
-    where = places if places is not None else find_places(problem)
-    if len(where.positions) != problem.n_contacts:
+    contact_places = places if places is not None else find_places(problem)
+    if len(contact_places.positions) != problem.n_contacts:
         raise BenchError(
-            f"places have {len(where.positions)} contacts, but the problem {problem.name!r} has {problem.n_contacts}."
+            f"places have {len(contact_places.positions)} contacts, but the problem {problem.name!r} has "
+            f"{problem.n_contacts}."
         )
     specs = [solver_spec(solver) for solver in solvers]
     traces: list[Trace] = []
     with RecordingFile(file, force) as recording:
         for solver in specs:
-            with open_solver(solver, stop.max_seconds) as working:
-                traces.append(trace_solve(problem, working, stop))
+            with open_solver(solver, stop.max_seconds) as opened_solver:
+                traces.append(trace_solve(problem, opened_solver, stop))
         longest = max((trace.iterations[-1] for trace in traces if trace.iterations), default=0)
         ceilings = _ceilings(traces)
         names, heights = [trace.solver for trace in traces], _residual_heights(traces, ceilings["residual"])
-        blueprint = solves_blueprint(names, longest, _camera(where), heights)
+        blueprint = solves_blueprint(names, longest, _camera(contact_places), heights)
         stream = recording.begin("solve", f"{problem.name}: {', '.join(names)}", blueprint)
         reference = _reference_impulse(traces)
-        if where.bodies is not None:
-            _write_bodies(stream, where.bodies, where.size)
-        scale = ARROW_SIZES * where.size / reference if reference else 0.0
+        if contact_places.bodies is not None:
+            _write_bodies(stream, contact_places.bodies, contact_places.size)
+        scale = ARROW_SIZES * contact_places.size / reference if reference else 0.0
         for index, trace in enumerate(traces):
             _write_curves(stream, trace, index, ceilings)
-            _write_contacts(stream, problem, where, trace, index, scale)
-        about = _about(problem, where, traces, reference)
+            _write_contacts(stream, problem, contact_places, trace, index, scale)
+        about = _about(problem, contact_places, traces, reference)
         stream.log("about", rr.TextDocument(about, media_type="text/markdown"), static=True)
-    return RecordedSolves(file, tuple(traces), where)
+    return RecordedSolves(file, tuple(traces), contact_places)
 
 
 def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
@@ -157,16 +158,16 @@ def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
     store, folder = open_run(Path(run_dir)), output_folder(Path(run_dir))
     run = store.read_run()
     cases, _ = store.read_cases()
-    came_through = {(case.problem, case.solver) for case in cases if case.outcome is Outcome.MEASURED}
+    measured_cases = {(case.problem, case.solver) for case in cases if case.outcome is Outcome.MEASURED}
     check_links_inside(folder / FOLDER, folder)
     stop = Stop(TOLERANCE, MAX_ITERATIONS, run.plan.limits.solve_seconds)
-    made = []
+    recordings = []
     for name in run.plan.problems:
-        solvers = [solver for solver in run.plan.solvers if (name, solver) in came_through]
+        solvers = [solver for solver in run.plan.solvers if (name, solver) in measured_cases]
         if solvers and (problem := problem_of_run(store, run, name)).n_contacts:
             file = folder / FOLDER / f"{plain_name(name)}{SUFFIX}"
-            made.append(record_solves(problem, solvers, stop, file, force=True))
-    return made
+            recordings.append(record_solves(problem, solvers, stop, file, force=True))
+    return recordings
 
 
 def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings: dict[str, float]) -> None:
@@ -175,16 +176,16 @@ def _write_curves(stream: rr.RecordingStream, trace: Trace, index: int, ceilings
         return
     colour = on_dark(solver_style(index).colour)
     for name, first in FIRST_POINTS.items():
-        at = [rr.TimeColumn(ITERATION, sequence=trace.iterations[first:])]
+        iterations = [rr.TimeColumn(ITERATION, sequence=trace.iterations[first:])]
         values = np.asarray(getattr(trace, name)[first:])
-        known = np.clip(np.where(np.isnan(values), np.inf, values), MIN_RESIDUAL, ceilings[name])
-        write_curve(stream, f"curves/{name}/{index}", at, np.log10(known), label=trace.solver, colour=colour)
-    at = [rr.TimeColumn(ITERATION, sequence=trace.iterations)]
+        clipped = np.clip(np.where(np.isnan(values), np.inf, values), MIN_RESIDUAL, ceilings[name])
+        write_curve(stream, f"curves/{name}/{index}", iterations, np.log10(clipped), label=trace.solver, colour=colour)
+    iterations = [rr.TimeColumn(ITERATION, sequence=trace.iterations)]
     counts = np.asarray(trace.state_counts, dtype=np.float64)
     for state in ContactState:
         name = state.name.lower()
         write_curve(
-            stream, f"states/{index}/{name}", at, counts[:, state], label=name, colour=rgb(STATE_COLOURS[state])
+            stream, f"states/{index}/{name}", iterations, counts[:, state], label=name, colour=rgb(STATE_COLOURS[state])
         )
 
 
@@ -192,18 +193,18 @@ def _ceilings(traces: Sequence[Trace]) -> dict[str, float]:
     """Return the upper bound of each curve."""
     ceilings = {}
     for name, first in FIRST_POINTS.items():
-        heads = [value for trace in traces for value in getattr(trace, name)[first : first + 2]]
-        largest = max((value for value in heads if np.isfinite(value)), default=1.0)
+        first_values = [value for trace in traces for value in getattr(trace, name)[first : first + 2]]
+        largest = max((value for value in first_values if np.isfinite(value)), default=1.0)
         ceilings[name] = max(MAX_GROWTH * largest, MIN_RESIDUAL)
     return ceilings
 
 
 def _residual_heights(traces: Sequence[Trace], ceiling: float) -> tuple[float, float] | None:
-    """Return the range of log₁₀ residuals, with room above for a legend."""
-    seen = [value for trace in traces for value in trace.residual if np.isfinite(value)]
-    if not seen:
+    """Return the range of log₁₀ residuals, with room above for a legend; None if no residual is finite."""
+    residuals = [value for trace in traces for value in trace.residual if np.isfinite(value)]
+    if not residuals:
         return None
-    low, high = np.log10(np.clip([min(seen), max(seen)], MIN_RESIDUAL, ceiling))
+    low, high = np.log10(np.clip([min(residuals), max(residuals)], MIN_RESIDUAL, ceiling))
     span = max(float(high - low), 1.0)
     return float(low) - 0.05 * span, float(high) + (0.15 + 0.12 * len(traces)) * span
 
@@ -223,12 +224,12 @@ def _write_contacts(
     stream.log(f"{root}/impulses", shafts, static=True)
     states = np.stack([contact_states(problem.layout, lanes) for lanes in trace.impulses])
     arrows = np.stack([_arrows(places, lanes, scale) for lanes in trace.impulses])
-    at = [rr.TimeColumn(ITERATION, sequence=trace.shown)]
+    iterations = [rr.TimeColumn(ITERATION, sequence=trace.shown)]
     lengths = [problem.n_contacts] * len(trace.shown)
-    coloured = rr.Points3D.columns(class_ids=states.ravel()).partition(lengths)
-    stream.send_columns(f"{root}/contacts", at, coloured)
-    pushes = rr.Arrows3D.columns(vectors=arrows.reshape(-1, 3), class_ids=states.ravel()).partition(lengths)
-    stream.send_columns(f"{root}/impulses", at, pushes)
+    dot_columns = rr.Points3D.columns(class_ids=states.ravel()).partition(lengths)
+    stream.send_columns(f"{root}/contacts", iterations, dot_columns)
+    arrow_columns = rr.Arrows3D.columns(vectors=arrows.reshape(-1, 3), class_ids=states.ravel()).partition(lengths)
+    stream.send_columns(f"{root}/impulses", iterations, arrow_columns)
 
 
 def _write_bodies(stream: rr.RecordingStream, bodies: Bodies, size: float) -> None:
@@ -251,26 +252,26 @@ def _write_bodies(stream: rr.RecordingStream, bodies: Bodies, size: float) -> No
 
 
 def _arrows(places: Places, lanes: FloatArray, scale: float) -> FloatArray:
-    """Return arrows, shape (n_contacts, 3), limited by ``MAX_ARROW_LENGTH``; zero for infinite and NaN values."""
+    """Return arrows [m], shape (n_contacts, 3), limited by ``MAX_ARROW_LENGTH``; zero for infinite and NaN values."""
     vectors = scale * places.vectors(np.where(np.isfinite(lanes), np.clip(lanes, -1e100, 1e100), 0.0))
     lengths = np.linalg.norm(vectors, axis=1)
     longest = MAX_ARROW_LENGTH * ARROW_SIZES * places.size
-    cut: FloatArray = vectors * (longest / np.maximum(lengths, longest))[:, None]
-    return cut
+    limited: FloatArray = vectors * (longest / np.maximum(lengths, longest))[:, None]
+    return limited
 
 
 def _reference_impulse(traces: Sequence[Trace]) -> float:
     """Return the 90 % quantile of the impulses [N s] of the most accurate last iterate; 0 if there is none."""
-    seen = [trace for trace in traces if trace.impulses and np.isfinite(trace.impulses[-1]).all()]
-    if not seen:
+    finite_traces = [trace for trace in traces if trace.impulses and np.isfinite(trace.impulses[-1]).all()]
+    if not finite_traces:
         return 0.0
-    best = min(seen, key=lambda trace: trace.residual[-1])
+    best = min(finite_traces, key=lambda trace: trace.residual[-1])
     lengths = np.linalg.norm(best.impulses[-1], axis=1)
     return float(np.quantile(lengths[lengths > 0], 0.9)) if lengths.any() else 0.0
 
 
 def _camera(places: Places) -> Camera:
-    """Return a view of most contacts, with room for arrows; distant outliers are ignored."""
+    """Return a camera that shows most contacts, with room for arrows; distant outliers are ignored."""
     low, high = np.quantile(places.positions, (0.03, 0.97), axis=0)
     distance = 0.85 * float(np.linalg.norm(high - low)) + 8.0 * places.size
     return Camera.around(low, high, distance, (0.0, -0.93, 0.37))

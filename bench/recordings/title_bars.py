@@ -52,14 +52,14 @@ def without_panels(blueprint: Blueprint) -> Blueprint:
 def with_whole_curves(blueprint: Blueprint, times: tuple[int, int]) -> Blueprint:
     """Return a blueprint whose plots show the curves between two times, with space for legends."""
     start, end = times
-    shown = {"start": {"Absolute": start}, "end": {"Absolute": end + math.ceil(LEGEND_SHARE * (end - start))}}
+    view_range = {"start": {"Absolute": start}, "end": {"Absolute": end + math.ceil(LEGEND_SHARE * (end - start))}}
     plots = [view for view in blueprint if _kind(blueprint, view) == "TimeSeries"]
-    return {**blueprint, **{f"{view}/TimeAxis": {"TimeAxis": {"view_range": shown}} for view in plots}}
+    return {**blueprint, **{f"{view}/TimeAxis": {"TimeAxis": {"view_range": view_range}} for view in plots}}
 
 
 def with_spatial_views_only(blueprint: Blueprint) -> Blueprint:
     """Return a blueprint without plots and texts, and without the containers that they leave empty."""
-    kept = dict(blueprint)
+    remaining_entities = dict(blueprint)
 
     def keep_spatial(entity: str) -> bool:
         """Remove what is not spatial from a view or container; return whether anything remains."""
@@ -71,14 +71,14 @@ def with_spatial_views_only(blueprint: Blueprint) -> Blueprint:
             for name in ("contents", "col_shares", "row_shares"):
                 if name in fields:
                     fields[name] = [value for value, keep in zip(_values(fields, name), is_kept, strict=False) if keep]
-            kept[entity], remains = {"ContainerBlueprint": fields}, any(is_kept)
+            remaining_entities[entity], remains = {"ContainerBlueprint": fields}, any(is_kept)
         if not remains:
-            for name in [name for name in kept if name == entity or name.startswith(f"{entity}/")]:
-                del kept[name]
+            for name in [name for name in remaining_entities if name == entity or name.startswith(f"{entity}/")]:
+                del remaining_entities[name]
         return remains
 
     keep_spatial(_root(blueprint))
-    return kept
+    return remaining_entities
 
 
 def clear_title_bars(picture: Image.Image, blueprint: Blueprint) -> None:
@@ -93,12 +93,13 @@ def clear_title_bars(picture: Image.Image, blueprint: Blueprint) -> None:
 
 
 def view_boxes(blueprint: Blueprint, size: tuple[int, int]) -> dict[str, Box]:
-    """Return the place of each view in a picture of ``size`` [pixels]."""
+    """Return the box of each view in a picture of ``size`` [pixels]."""
     width, height = size
     return dict(_boxes(blueprint, _root(blueprint), (0.0, 0.0, float(width), float(height))))
 
 
 def _boxes(blueprint: Blueprint, entity: str, box: Box) -> Iterator[tuple[str, Box]]:
+    """Yield the views in a view or container that fills ``box``, with their boxes."""
     if entity.startswith("/view"):
         yield entity, box
         return

@@ -64,26 +64,28 @@ def build_report(frames: RunFrames, charts: bool, baseline: str, page: bool = Fa
     """
     check_view(profiles)
     folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual
-    tables, drawn, written, unwritten = [], [], None, ""
+    tables, chart_files, page_file, unwritten = [], [], None, ""
     has_profiles = len(frames.cases) > 0 and not frames.is_study
     if baseline and not has_profiles:
         raise BenchError(f"{frames.folder} has no speed-ups; omit `baseline`.")
-    against = baseline_of(frames, baseline) if has_profiles else ""
-    for place in ("tables", "charts"):
-        check_links_inside(folder / place, frames.output_folder)
+    reference_solver = baseline_of(frames, baseline) if has_profiles else ""
+    for subfolder in ("tables", "charts"):
+        check_links_inside(folder / subfolder, frames.output_folder)
     try:
         tables = write_tables(frames, folder / "tables")
         if charts:
             from .charts.problems import write_charts  # altair takes a second to import
             from .charts.profiles import write_profiles
 
-            drawn = write_charts(frames, folder / "charts")
-            drawn += write_profiles(frames, against, folder / "charts", profiles) if against else []
+            chart_files = write_charts(frames, folder / "charts")
+            chart_files += (
+                write_profiles(frames, reference_solver, folder / "charts", profiles) if reference_solver else []
+            )
         if page and has_profiles:
             from .page.assembly import write_page
 
-            written = write_page(frames, against)
+            page_file = write_page(frames, reference_solver)
     except UnwritableError as error:
         unwritten = str(error)
     summary = points_table(frames) if frames.is_study else summary_table(frames)
-    return Report(results_table(frames), summary, tables, drawn, written, unwritten)
+    return Report(results_table(frames), summary, tables, chart_files, page_file, unwritten)

@@ -44,9 +44,9 @@ def summary_tags(summary: pd.DataFrame) -> list[str]:
 def standings_of_cells(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tuple[Any, str], str]:
     """Return the standing of each time in a table of results, by index and heading."""
     columns = zip(ratios["problem"], ratios["solver"], ratios["accuracy"], ratios["standing"], strict=True)
-    known = {(problem, solver, accuracy_tag(accuracy)): standing for problem, solver, accuracy, standing in columns}
+    standings = {(problem, solver, accuracy_tag(accuracy)): standing for problem, solver, accuracy, standing in columns}
     return {
-        (row.Index, head): known.get((row.problem, row.solver, head), "")
+        (row.Index, head): standings.get((row.problem, row.solver, head), "")
         for row in results.itertuples()
         for head in time_columns(results)
     }
@@ -57,15 +57,15 @@ def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
     shown = ratios[["problem", "solver", "standing"]].copy()
     shown.insert(1, "to", ratios["accuracy"].map(accuracy_tag))
     shown.insert(3, "time", ratios["seconds"].map(duration))
-    for place, head in enumerate(("ratio", "low", "high"), 4):
-        shown.insert(place, head, [f"{value:.3g}" if np.isfinite(value) else "–" for value in ratios[head]])
+    for position, head in enumerate(("ratio", "low", "high"), 4):
+        shown.insert(position, head, [f"{value:.3g}" if np.isfinite(value) else "–" for value in ratios[head]])
     return shown
 
 
 def shown_results(
     results: pd.DataFrame, standings: Mapping[tuple[Any, str], str], is_study: bool = False, bold: str = "{}"
 ) -> pd.DataFrame:
-    """Return results as text: times that may be the fastest have a mark, and the fastest are ``bold``.
+    """Return results as text: times that may be the fastest have a mark, and ``bold`` formats the fastest.
 
     The column *threads* is shown if a solver declares several; it shows both numbers if the solver uses fewer. The
     column *by model* shows the residual by the model of each solver, unless all solvers use Coulomb's law.
@@ -80,12 +80,12 @@ def shown_results(
         cells = zip(shown.index, shown[head].map(duration), strict=True)
         shown[head] = [forms.get(standings.get((index, head), ""), "{}").format(text) for index, text in cells]
     pairs = zip(shown.pop("threads_used"), shown["threads"], strict=True)
-    shown["threads"] = [f"{used} of {most}" if 0 < used < most else str(most) for used, most in pairs]
+    shown["threads"] = [f"{used} of {declared}" if 0 < used < declared else str(declared) for used, declared in pairs]
     if (results["threads"] == 1).all():
         shown = shown.drop(columns="threads")
-    own = shown.pop("model_residual")
+    model_residuals = shown.pop("model_residual")
     if not is_study and not all_solve_coulomb(results):
-        shown.insert(list(shown.columns).index("residual") + 1, "by model", own)
+        shown.insert(list(shown.columns).index("residual") + 1, "by model", model_residuals)
     for head, form in (("residual", ".0e"), ("by model", ".0e"), ("iter.", ".0f")):
         if head in shown:
             shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]
@@ -120,23 +120,23 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
 def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
     """Return the summary as text, for the accuracy of a tag, or for all accuracies with their tags in the headings."""
     shown = summary[["solver", "model"]].copy()
-    for one in [tag] if tag else summary_tags(summary):
-        of = "" if tag else f" {one}"
-        for head, share in (("claimed", f"success_{one}"), ("confirmed", f"correct_{one}")):
+    for level in [tag] if tag else summary_tags(summary):
+        suffix = "" if tag else f" {level}"
+        for head, share in (("claimed", f"success_{level}"), ("confirmed", f"correct_{level}")):
             pairs = zip(summary[share], summary["problems"], strict=True)
-            shown[head + of] = [f"{round(value * number)}/{number}" for value, number in pairs]
+            shown[head + suffix] = [f"{round(value * number)}/{number}" for value, number in pairs]
         for head, key in shown_means(summary).items():
-            shown[head + of] = mean_texts(summary, key, one)
+            shown[head + suffix] = mean_texts(summary, key, level)
     return shown.assign(wrong=summary["wrong"])
 
 
 def mean_texts(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
     """Return mean times as text, with the number of problems if excluded times reduce it."""
-    number, most = ("mean_problems", "common") if key == "mean_time" else ("own_problems", "problems")
-    columns = summary[f"{key}_{tag}"], summary[f"{number}_{tag}"], summary[most]
+    number, total = ("mean_problems", "common") if key == "mean_time" else ("own_problems", "problems")
+    columns = summary[f"{key}_{tag}"], summary[f"{number}_{tag}"], summary[total]
     return [
-        f"{duration(mean)} ({count})" if 0 < count < total else duration(mean)
-        for mean, count, total in zip(*columns, strict=True)
+        f"{duration(mean)} ({count})" if 0 < count < n_problems else duration(mean)
+        for mean, count, n_problems in zip(*columns, strict=True)
     ]
 
 
@@ -147,14 +147,20 @@ def shown_problems(problems: pd.DataFrame) -> pd.DataFrame:
     for key in problems.columns[problems.columns.str.startswith("solved_")]:
         tag = key.removeprefix("solved_")
         cells = zip(problems[key], problems["solvers"], problems[f"time_{tag}"], strict=True)
-        shown[tag] = [f"{number}/{of} {duration(seconds)}" for number, of, seconds in cells]
+        shown[tag] = [f"{number}/{n_solvers} {duration(seconds)}" for number, n_solvers, seconds in cells]
         fastest = problems[f"fastest_{tag}"].where(problems[f"fastest_{tag}"] != "", fastest)
     shown["residual"] = [f"{value:.0e}" if np.isfinite(value) else "–" for value in problems["residual"]]
     return shown.assign(solver=fastest)
 
 
 def shown_families(solvers: Sequence[str], table: pd.DataFrame, tags: Sequence[str] = ()) -> pd.DataFrame:
-    """Return the solved problems and mean times of each solver (rows) in each family (columns)."""
+    """Return the solved problems and mean times of each solver (rows) in each family (columns).
+
+    Args:
+        solvers: solvers in the order of the rows; those without a row in ``table`` are omitted.
+        table: one row per family and solver, as ``families_table`` returns it.
+        tags: accuracies to show; all of ``table`` if empty.
+    """
     rows: dict[str, dict[str, str]] = {solver: {} for solver in solvers if solver in set(table["solver"])}
     chosen, heads = tags or summary_tags(table), dict[str, None]()
     means = {tag: mean_texts(table, "mean_time", tag) for tag in chosen}
@@ -173,7 +179,7 @@ def shown_starts(starts: pd.DataFrame) -> pd.DataFrame:
     shown = starts[["family", "solver"]].assign(to=[f"{value:.0e}" for value in starts["tolerance"]])
     for start in ("cold", "warm"):
         counts = zip(starts[f"{start}_solved"], starts["problems"], strict=True)
-        shown[f"{start} solved"] = [f"{solved}/{of}" for solved, of in counts]
+        shown[f"{start} solved"] = [f"{solved}/{total}" for solved, total in counts]
     for start in ("cold", "warm"):
         means = starts[f"{start}_iterations"]
         shown[f"{start} iter."] = [f"{value:.3g}" if np.isfinite(value) else "–" for value in means]

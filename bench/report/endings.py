@@ -56,8 +56,8 @@ def limit_remedies(outcomes: "pd.Series[str]", limits: Limits) -> list[str]:
     }
     counts = outcomes.value_counts()
     return [
-        f"{counted(int(counts[outcome]), 'case')} {what}; start a new run with a larger {option}."
-        for outcome, (what, option) in sentences.items()
+        f"{counted(int(counts[outcome]), 'case')} {text}; start a new run with a larger {option}."
+        for outcome, (text, option) in sentences.items()
         if outcome in counts
     ]
 

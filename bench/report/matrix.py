@@ -84,20 +84,20 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: st
         table: link to the file of ``matrix_table``; the page then counts by family. Without a link, it shows all
             cells.
     """
-    found = pd.DataFrame(list(cells), columns=[field.name for field in fields(Cell)])
-    for texts in ("problem", "solver", "reason"):
-        found[texts] = found[texts].map(inline)
-    grid = _FAMILIES.format(table=table, counts=_family_counts(found)) if table else _GRID.format(cells=_grid(found))
+    frame = pd.DataFrame(list(cells), columns=[field.name for field in fields(Cell)])
+    for column in ("problem", "solver", "reason"):
+        frame[column] = frame[column].map(inline)
+    grid = _FAMILIES.format(table=table, counts=_family_counts(frame)) if table else _GRID.format(cells=_grid(frame))
     return _PAGE.format(
         state=state,
-        counts=f"{counted(found['problem'].nunique(), 'problem')}, {counted(found['solver'].nunique(), 'solver')}, "
-        f"{counted(len(found), 'cell')}",
+        counts=f"{counted(frame['problem'].nunique(), 'problem')}, {counted(frame['solver'].nunique(), 'solver')}, "
+        f"{counted(len(frame), 'cell')}",
         tolerance=tolerance,
         command=command,
-        summary=_summary(found),
+        summary=_summary(frame),
         grid=grid,
-        unsolved=_unsolved(found, tolerance),
-        reasons=_reasons(found),
+        unsolved=_unsolved(frame, tolerance),
+        reasons=_reasons(frame),
     )
 
 
@@ -118,9 +118,10 @@ def count_bad(cells: Sequence[Cell]) -> int:
     return sum(cell.outcome in BAD_OUTCOMES or not cell.is_finite for cell in cells)
 
 
-def _summary(found: pd.DataFrame) -> str:
+def _summary(frame: pd.DataFrame) -> str:
+    """Return the table of the outcomes of each solver."""
     rows = []
-    for solver, own in found.groupby("solver", sort=False):
+    for solver, own in frame.groupby("solver", sort=False):
         counts = own["outcome"].value_counts()
         others = [
             f"{counts[outcome]} {outcome}"
@@ -131,16 +132,17 @@ def _summary(found: pd.DataFrame) -> str:
         others += [f"{n_infinite} not finite"] if n_infinite else []
         rows.append([f"`{solver}`", counts.get(Outcome.SOLVED, 0), ", ".join(others)])
     table = markdown_table(["solver", "solved", "other outcomes"], rows)
-    is_bad = found["outcome"].isin(BAD_OUTCOMES).any() or not found["is_finite"].all()
+    is_bad = frame["outcome"].isin(BAD_OUTCOMES).any() or not frame["is_finite"].all()
     return table if is_bad else f"{table}\n{_NONE_BAD}\n"
 
 
-def _family_counts(found: pd.DataFrame) -> str:
-    families = found["problem"].map(lambda name: _family(name) or "others")
+def _family_counts(frame: pd.DataFrame) -> str:
+    """Return the table of solved and supported problems of each solver by family."""
+    families = frame["problem"].map(lambda name: _family(name) or "others")
     names = families.drop_duplicates()
-    is_supported = found["outcome"] != Outcome.UNSUPPORTED
+    is_supported = frame["outcome"] != Outcome.UNSUPPORTED
     rows = []
-    for solver, own in found.groupby("solver", sort=False):
+    for solver, own in frame.groupby("solver", sort=False):
         supported = is_supported[own.index].groupby(families[own.index]).sum()
         solved = (own["outcome"] == Outcome.SOLVED).groupby(families[own.index]).sum()
         counts = [f"{solved[name]}/{supported[name]}" if supported.get(name, 0) else "–" for name in names]
@@ -148,13 +150,14 @@ def _family_counts(found: pd.DataFrame) -> str:
     return markdown_table(["solver", *names], rows)
 
 
-def _grid(found: pd.DataFrame) -> str:
-    solvers = found["solver"].unique()
+def _grid(frame: pd.DataFrame) -> str:
+    """Return the numbered solvers, and a table of the marks of all cells for each family."""
+    solvers = frame["solver"].unique()
     numbers = range(1, len(solvers) + 1)
     text = "".join(f"{number}. `{solver}`\n" for number, solver in zip(numbers, solvers, strict=True))
-    cells = found.to_dict("records")
+    cells = frame.to_dict("records")
     marks = {(cell["problem"], cell["solver"]): _mark(cell["outcome"], cell["residual"]) for cell in cells}
-    names = found["problem"].drop_duplicates()
+    names = frame["problem"].drop_duplicates()
     for group, members in names.groupby(names.map(_family), sort=False):
         rows = [[name, *(marks.get((name, solver), "") for solver in solvers)] for name in members]
         text += f"\n**{group}**\n\n" if group else "\n\n\n"
@@ -185,9 +188,10 @@ def _residual_order(outcome: Outcome, residual: float) -> int | None:
     return None if is_plain or not 0.0 < residual < math.inf else math.floor(math.log10(residual))
 
 
-def _unsolved(found: pd.DataFrame, tolerance: float) -> str:
+def _unsolved(frame: pd.DataFrame, tolerance: float) -> str:
+    """Return a list of the problems that no solver solves, with explanations."""
     lines = []
-    for name, cells in found.groupby("problem", sort=False):
+    for name, cells in frame.groupby("problem", sort=False):
         if (cells["outcome"] == Outcome.SOLVED).any():
             continue
         best = cells.iloc[int(cells["residual"].fillna(math.inf).argmin())]
@@ -214,13 +218,19 @@ def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
     return nearest
 
 
-def _reasons(found: pd.DataFrame) -> str:
-    failed = found[~found["outcome"].isin([Outcome.SOLVED, Outcome.INFEASIBLE])]
-    alike = failed["reason"].str.replace(r"[0-9][0-9.e+-]*", "…", regex=True)
-    groups = [own for _, own in failed.groupby([failed["outcome"], alike], sort=False)]
+def _reasons(frame: pd.DataFrame) -> str:
+    """Return the table of reasons; reasons that differ only in numbers share a row."""
+    failed = frame[~frame["outcome"].isin([Outcome.SOLVED, Outcome.INFEASIBLE])]
+    patterns = failed["reason"].str.replace(r"[0-9][0-9.e+-]*", "…", regex=True)
+    groups = [own for _, own in failed.groupby([failed["outcome"], patterns], sort=False)]
     groups.sort(key=lambda own: (str(own["outcome"].iloc[0]), -len(own)))
     rows = [
-        [own["outcome"].iloc[0], len(own), _shortened(own["reason"].iloc[0]), _named(list(own["solver"].unique()))]
+        [
+            own["outcome"].iloc[0],
+            len(own),
+            _shortened(own["reason"].iloc[0]),
+            _solver_names(list(own["solver"].unique())),
+        ]
         for own in groups
     ]
     return (
@@ -237,7 +247,7 @@ def _shortened(reason: str) -> str:
     return f"{clauses[0]}; …; {clauses[-2]}; {clauses[-1]}" if is_long else reason
 
 
-def _named(solvers: Sequence[str]) -> str:
+def _solver_names(solvers: Sequence[str]) -> str:
     if len(solvers) <= MAX_NAMED_SOLVERS:
         return ", ".join(solvers)
     return f"{', '.join(solvers[: MAX_NAMED_SOLVERS - 1])} and {len(solvers) - MAX_NAMED_SOLVERS + 1} others"

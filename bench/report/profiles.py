@@ -1,7 +1,7 @@
 """Profiles of solvers over many problems: performance, data and accuracy profiles, time budgets, and speed-ups.
 
-Each profile covers the problems and solvers of one table, so it changes with the table: the least time of a problem is
-the least of the solvers shown. Times are compared only between solvers that use the same number of threads. Performance
+Each profile covers the problems and solvers of one table, so it changes with the table: the shortest time of a problem
+is that of the solvers shown. Times are compared only between solvers that use the same number of threads. Performance
 profiles therefore cover the solvers with the fewest threads, and speed-ups those with as many as the baseline.
 
 Shares count every problem of the view, solved or not. The view ``COMMON`` contains the problems that all solvers
@@ -51,7 +51,6 @@ ALL = "all problems"
 COMMON, EVERY = VIEWS = ("common", "all")
 """Problems that profiles cover: those that all solvers support, or all. Solvers that support none do not count."""
 
-
 _LABELS = ["accuracy", "family", "view"]
 
 _COLUMNS = {
@@ -86,19 +85,19 @@ def seconds_matrix(frames: RunFrames, accuracy: float) -> pd.DataFrame:
 
 
 def residual_matrix(frames: RunFrames) -> pd.DataFrame:
-    """Return the least judged residual of the counted points, in the form of ``seconds_matrix``; NaN without points."""
+    """Return the smallest judged residual of counted points, in the form of ``seconds_matrix``; NaN without points."""
     counted = reaching(frames.points, np.inf, frames.info.plan.limits.solve_seconds)
     return _matrix(frames, counted[counted["total_seconds"].notna()], "residual")
 
 
 def _matrix(frames: RunFrames, points: pd.DataFrame, column: str) -> pd.DataFrame:
     solvers = [name for name in frames.info.plan.solvers if name in set(frames.cases["solver"])]
-    least = points.groupby(["problem", "solver"], sort=False)[column].min().unstack("solver")
-    return least.reindex(index=pd.Index(frames.cases["problem"].unique(), name="problem"), columns=solvers)
+    minima = points.groupby(["problem", "solver"], sort=False)[column].min().unstack("solver")
+    return minima.reindex(index=pd.Index(frames.cases["problem"].unique(), name="problem"), columns=solvers)
 
 
 def performance_profile(seconds: pd.DataFrame) -> pd.DataFrame:
-    """Return the share of problems that each solver solves within a ratio to the least time of any solver.
+    """Return the share of problems that each solver solves within a ratio to the shortest time of any solver.
 
     Args:
         seconds: as ``seconds_matrix`` returns it.
@@ -117,11 +116,11 @@ def data_profile(seconds: pd.DataFrame) -> pd.DataFrame:
         seconds: as ``seconds_matrix`` returns it.
 
     Returns:
-        The corners of the steps: solver, seconds (from the least to the last of ``BUDGETS``, or slightly beyond the
-        largest), share.
+        The corners of the steps: solver, seconds (from the shortest to the last of ``BUDGETS``, or slightly beyond the
+        longest), share.
     """
-    least = float(np.fmin.reduce(seconds.to_numpy(dtype=np.float64), axis=None))
-    first = least if np.isfinite(least) else BUDGETS[0]
+    shortest = float(np.fmin.reduce(seconds.to_numpy(dtype=np.float64), axis=None))
+    first = shortest if np.isfinite(shortest) else BUDGETS[0]
     return _steps(seconds, "seconds", first, np.fmax(PADDING * _largest(seconds), BUDGETS[-1]))
 
 
@@ -166,25 +165,25 @@ def speedups(seconds: pd.DataFrame, baseline: str) -> pd.DataFrame:
 
 
 def with_threads(frames: RunFrames, values: pd.DataFrame, baseline: str = "") -> pd.DataFrame:
-    """Return the columns of solvers that use as many threads as a baseline, or the fewest threads if it is empty."""
+    """Return the columns of solvers that use as many threads as a baseline, or the fewest if it is empty."""
     threads = threads_by_solver(frames)
     own = threads.reindex(values.columns).to_numpy(dtype=np.float64)
-    kept: pd.DataFrame = values[values.columns[own == (threads[baseline] if baseline else own.min(initial=np.inf))]]
-    return kept
+    selected: pd.DataFrame = values[values.columns[own == (threads[baseline] if baseline else own.min(initial=np.inf))]]
+    return selected
 
 
 def other_threads_note(frames: RunFrames, solvers: Iterable[str], baseline: str = "") -> str:
     """Return a note that names the solvers that ``with_threads`` leaves out; empty if there are none."""
     names = list(solvers)
-    kept = with_threads(frames, pd.DataFrame(columns=names), baseline).columns
-    left_out = [name for name in names if name not in kept]
+    selected = with_threads(frames, pd.DataFrame(columns=names), baseline).columns
+    left_out = [name for name in names if name not in selected]
     return f"without solvers that use another number of threads: {', '.join(left_out)}" if left_out else ""
 
 
 def baseline_of(frames: RunFrames, name: str = "") -> str:
     """Return the reference solver of speed-ups: ``name`` if given.
 
-    Otherwise, it is the one that solves the most problems to the finest accuracy, among those with the fewest threads.
+    Otherwise, return the one that solves the most problems to the finest accuracy, among those with the fewest threads.
 
     Raises:
         BenchError: if the run has no case of ``name``, or no case at all.
@@ -223,23 +222,25 @@ def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
         for accuracy in profile_accuracies(frames):
             seconds = seconds_matrix(frames, accuracy)
             seconds = seconds[seconds.index.isin(own)]
-            faster = speedups(with_threads(frames, seconds, baseline), baseline)
-            parts["speedup"].append(faster.assign(accuracy=accuracy, family=family, baseline=baseline))
-            for view, shown in _views(frames, seconds):
+            factors = speedups(with_threads(frames, seconds, baseline), baseline)
+            parts["speedup"].append(factors.assign(accuracy=accuracy, family=family, baseline=baseline))
+            for view, part in _views(frames, seconds):
                 for name, profile in kinds.items():
                     labels: dict[str, Any] = {
                         "accuracy": accuracy,
                         "family": family,
                         "view": view,
-                        "problems": len(shown),
+                        "problems": len(part),
                     }
-                    own_columns = with_threads(frames, shown) if name == "performance" else shown
+                    own_columns = with_threads(frames, part) if name == "performance" else part
                     parts[name].append(profile(own_columns).assign(**labels))
-        for view, shown in _views(frames, residual_matrix(frames).loc[own]):
-            rows = accuracy_profile(shown)
-            parts["accuracy"].append(rows.assign(family=family, view=view, problems=len(shown)))
+        for view, part in _views(frames, residual_matrix(frames).loc[own]):
+            rows = accuracy_profile(part)
+            parts["accuracy"].append(rows.assign(family=family, view=view, problems=len(part)))
     return {
-        name: pd.concat(found, ignore_index=True)[columns] if (found := parts[name]) else pd.DataFrame(columns=columns)
+        name: pd.concat(tables, ignore_index=True)[columns]
+        if (tables := parts[name])
+        else pd.DataFrame(columns=columns)
         for name, columns in _COLUMNS.items()
     }
 
@@ -274,7 +275,7 @@ def _steps(values: pd.DataFrame, column: str, first: float, last: float) -> pd.D
     parts = [pd.DataFrame({"solver": pd.Series([], dtype=str), column: pd.Series([], dtype=float), "share": 0.0})]
     for solver, own in values.items() if len(values) else ():
         solved = np.sort(own.dropna().to_numpy())
-        at = np.unique(np.concatenate([[first], solved, [last]]))
-        share = np.searchsorted(solved, at, side="right") / len(own)
-        parts.append(pd.DataFrame({"solver": str(solver), column: at, "share": share}))
+        corners = np.unique(np.concatenate([[first], solved, [last]]))
+        share = np.searchsorted(solved, corners, side="right") / len(own)
+        parts.append(pd.DataFrame({"solver": str(solver), column: corners, "share": share}))
     return pd.concat(parts, ignore_index=True)

@@ -14,6 +14,7 @@ from .layout.terminal_table import print_table, wrap_note
 from .layout.text import overlap_words
 
 _POINT = ("problem", "solver", "tolerance")
+"""Columns that identify a point."""
 
 _COSTS = (
     "total_seconds",
@@ -27,6 +28,7 @@ _COSTS = (
     "outcome",
     "reason",
 )
+"""Columns of a point that do not depend on the quantity."""
 
 MIN_MOTION = 1e-6
 """Longest path of a coordinate, relative to the scale of errors, below which a motion counts as rest."""
@@ -42,10 +44,10 @@ ERROR_MEANINGS = {
 def points_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row for each point and quantity, or for each point without a result.
 
-    Columns: problem, solver, tolerance (the value of the ladder: a step [s] or a tolerance), quantity, error, its low
-    and its high end, total_seconds and processor_seconds (median times of the steps [s]; NaN if unknown), is_excluded
-    (whether it has only excluded rounds), iterations (median of one-step solves), repeats (members that finished),
-    failed_members, unsolved_steps, overlapping_steps, outcome, reason.
+    Columns: problem, solver, tolerance (the value of the ladder: a step [s] or a tolerance), quantity, error, low
+    and high (ends of its bar), total_seconds and processor_seconds (median times of the steps [s]; NaN if unknown),
+    is_excluded (whether the point has only excluded rounds), iterations (median of one-step solves), repeats (members
+    that finished), failed_members, unsolved_steps, overlapping_steps, outcome, reason.
     """
     return frames.points[[*_POINT, *_COSTS]].merge(frames.errors, how="left", on=list(_POINT))[
         [*_POINT, "quantity", "error", "low", "high", *_COSTS]
@@ -54,7 +56,7 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
 
 def headline(plan: PlanRecord, problem: str) -> str:
     """Return one line about a trajectory: its duration, the initial impulses of steps, and the meaning of errors."""
-    trajectory, starts = plan.trajectory(problem), ", ".join(dict.fromkeys(one.start for one in plan.methods))
+    trajectory, starts = plan.trajectory(problem), ", ".join(dict.fromkeys(method.start for method in plan.methods))
     return f"{trajectory.name} · {trajectory.duration:g} s · {starts} starts · {ERROR_MEANINGS[trajectory.error]}"
 
 
@@ -78,8 +80,10 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
         first = point.iloc[0]
         row = {"solver": solver, "at": f"{value:.2g}"}
         for quantity in table["quantity"].dropna().unique():
-            found = point[point["quantity"] == quantity]
-            row[str(quantity).replace(" ", "\n")] = _error_text(found.iloc[0], is_single_motion) if len(found) else "–"
+            of_quantity = point[point["quantity"] == quantity]
+            row[str(quantity).replace(" ", "\n")] = (
+                _error_text(of_quantity.iloc[0], is_single_motion) if len(of_quantity) else "–"
+            )
         if is_single_motion:
             row |= {"from": f"{first['low']:.1e}", "to": f"{first['high']:.1e}"}
         counts = {head: first[name] for head, name in (("missed", "unsolved_steps"), ("failed", "failed_members"))}
@@ -104,8 +108,8 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
         note = f"{failed['solver']} at {failed['tolerance']:.2g}: {failed['reason']}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
     overlapping = table[table["overlapping_steps"] > 0].drop_duplicates(["solver", "tolerance"])
-    for left in overlapping.to_dict("records"):
-        note = f"{left['solver']} at {left['tolerance']:.2g}: {overlap_words(int(left['overlapping_steps']))}"
+    for point in overlapping.to_dict("records"):
+        note = f"{point['solver']} at {point['tolerance']:.2g}: {overlap_words(int(point['overlapping_steps']))}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
 
 
@@ -113,7 +117,7 @@ def reference_statistics(trajectory: TrajectoryRecord) -> dict[str, tuple[float,
     """Return the mean and the relative standard error of each aggregate of the reference; empty without aggregates."""
     if trajectory.error != "aggregates":
         return {}
-    return Aggregates({one.member: one.values for one in trajectory.known if not one.failure}).spreads()
+    return Aggregates({member.member: member.values for member in trajectory.known if not member.failure}).spreads()
 
 
 def _count_text(value: float) -> str:

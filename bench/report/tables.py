@@ -49,6 +49,7 @@ from .matrix import matrix_page
 from .studies import headline, points_table, print_points
 
 _CASE_COLUMNS = ("problem", "family", "n_contacts", "solver", "threads", "threads_used", "model")
+"""Columns of cases in the table of results."""
 
 _MARKS = (
     "Bold: the fastest, if the 95 % intervals of all ratios to it lie above 1.05. ≈: possibly as fast as the fastest. "
@@ -81,7 +82,7 @@ MAX_TABLES = 20
 def results_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row per case: time to each accuracy [s], residuals and iterations of the best solve, and how it ended.
 
-    The best solve has the least residual by the model of the solver. Wrong claims do not count.
+    The best solve has the smallest residual by the model of the solver. Wrong claims do not count.
 
     Columns: problem, family, n_contacts, solver, threads (declared), threads_used (0 if unknown), model,
     ``time_to_1e-02`` … (of ``accuracies``), excluded (accuracies whose times have only excluded rounds), residual (by
@@ -95,10 +96,12 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
         TIME + accuracy_tag(accuracy): pd.Series(times[accuracy].to_dict(), dtype=float).reindex(names).to_numpy()
         for accuracy in accuracies(frames)
     }
-    marked = excluded_times(frames)
-    marks = set(zip(marked["problem"], marked["solver"], marked["accuracy"].map(accuracy_tag), strict=True))
+    excluded_rows = excluded_times(frames)
+    excluded_cells = set(
+        zip(excluded_rows["problem"], excluded_rows["solver"], excluded_rows["accuracy"].map(accuracy_tag), strict=True)
+    )
     tags = [accuracy_tag(accuracy) for accuracy in accuracies(frames)]
-    excluded = [" ".join(tag for tag in tags if (*name, tag) in marks) for name in names]
+    excluded = [" ".join(tag for tag in tags if (*name, tag) in excluded_cells) for name in names]
     trusted = attempted_points(frames)
     trusted = trusted[trusted["outcome"] != Outcome.WRONG]
     by_model = trusted["model_residual"].where(trusted["model"] != str(Model.COULOMB), trusted["residual"])
@@ -114,10 +117,10 @@ def write_tables(frames: RunFrames, folder: Path) -> list[Path]:
     """Write all tables as CSV, Parquet, Markdown and LaTeX, and the matrix of solvers and problems; return the files.
 
     A study has results and a table of its points. The matrix shows claims about judged residuals, so it is written
-    only for these.
+    only for judged residuals.
 
     Raises:
-        UnwritableError: if they cannot be written.
+        UnwritableError: if a file cannot be written.
         BenchError: if a link in the folder leads out of it.
     """
     files = []
@@ -141,11 +144,11 @@ def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.Dat
     """Return the tables of a run: name, numbers, a function that formats them, and a note below."""
     ratios, table = _standings(frames), results_table(frames)
     standings = standings_of_cells(table, ratios)
-    shown = partial(shown_results, standings=standings, is_study=frames.is_study, bold="**{}**")
-    results = ("results", table, shown, "" if ratios.empty or frames.is_study else f"\n{_MARKS}\n")
+    formatted_results = partial(shown_results, standings=standings, is_study=frames.is_study, bold="**{}**")
+    results = ("results", table, formatted_results, "" if ratios.empty or frames.is_study else f"\n{_MARKS}\n")
     if frames.is_study:
         return [results, ("points", points_table(frames), shown_points, "")]
-    summary, starts, of_families = summary_table(frames), starts_table(frames), families_table(frames)
+    summary, starts, by_family = summary_table(frames), starts_table(frames), families_table(frames)
     note = f"\n{_summary_legend(summary)}\n" if len(summary) else ""
     return [
         results,
@@ -153,9 +156,9 @@ def _tables(frames: RunFrames) -> list[tuple[str, pd.DataFrame, Callable[[pd.Dat
         ("ratios", ratios, shown_ratios, ""),
         (
             "families",
-            of_families,
+            by_family,
             partial(shown_families, frames.info.plan.solvers),
-            f"\n{_family_legend(of_families)}\n",
+            f"\n{_family_legend(by_family)}\n",
         ),
         ("summary", summary, shown_summary, note),
         *([("starts", starts, shown_starts, f"\n{_STARTS}\n")] if len(starts) else []),
@@ -295,6 +298,7 @@ def _headline(frames: RunFrames, problem: str, contacts: int) -> str:
 
 
 def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
+    """Return the legend of the printed tables; ``heads`` are those of the columns of times."""
     columns = f"Columns {heads[0]} to {heads[-1]} give" if len(heads) > 1 else f"Column {heads[0]} gives"
     if frames.is_study:
         return f"{columns} the least median time of a simulation, to that error; – means never reached."
@@ -305,6 +309,7 @@ def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
 
 
 def _summary_legend(summary: pd.DataFrame) -> str:
+    """Return the legend of a summary that is not empty."""
     common = int(summary["common"].iloc[0])
     own = "own mean: over all problems that the solver supports."
     fewer = " (n): over n of them, because times of the others are excluded."

@@ -53,7 +53,7 @@ FORMAT = 7
 FORMAT_WITHOUT_OVERLAPS = 6
 """Older version of the format that can also be read; its steps lack the column ``overlap``."""
 
-_UNREADABLE = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
+_READ_ERRORS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
 """Exceptions that reading files of unknown origin may raise."""
 
 
@@ -89,7 +89,8 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
     Raises:
         BenchError: if the file cannot be written, or is a link that leaves its folder.
     """
-    simulation.kept_states.offer(simulation.state)  # an interruption may have occurred between a step and this line
+    # an interruption may have occurred before the last step offered its state
+    simulation.kept_states.offer(simulation.state)
     plan = simulation.plan
     solvers = dict.fromkeys([plan.solver.name, *(segment.solver for segment in simulation.segments)])
     record = SimulationRecord(
@@ -153,8 +154,8 @@ def read_simulation(path: Path, solver: Solver | None = None) -> Simulation:
         simulation.restore(content["steps"], simulation.states[-1], content["switches"], states, record.segments)
     except ProxbenchError as error:
         raise BenchError(f"cannot read {path}: {error}") from None
-    except _UNREADABLE:
-        raise _damaged(path) from None
+    except _READ_ERRORS:
+        raise _damaged_file_error(path) from None
     return simulation
 
 
@@ -162,18 +163,19 @@ def is_result(path: Path) -> bool:
     """Return whether a .npz file contains a simulation rather than a problem, by the names of its arrays.
 
     Raises:
-        BenchError: if it is missing or damaged.
+        BenchError: if the file is missing or damaged.
     """
     try:
         with zipfile.ZipFile(path) as archive:
             return "steps.npy" in archive.namelist()
     except FileNotFoundError:
         raise BenchError(f"there is no file {path}.") from None
-    except (OSError, *_UNREADABLE, zipfile.BadZipFile):
+    except (OSError, *_READ_ERRORS, zipfile.BadZipFile):
         raise BenchError(f"{path} is damaged: it holds neither a simulation nor a problem.") from None
 
 
 def _plan(stored: PlanRecord, solver: Solver | None) -> SimulationPlan:
+    """Return a stored plan; raise ``BenchError`` if ``solver`` is not its solver."""
     if solver is not None and solver.name != stored.solver:
         raise BenchError(f"it was simulated with {stored.solver}, not with {solver.name}.")
     return make_simulation_plan(**{**msgspec.structs.asdict(stored), "solver": solver or stored.solver})
@@ -183,22 +185,22 @@ def _with_unknown_overlaps(steps: NDArray[Any], columns: np.dtype[np.void]) -> N
     """Return steps with the column ``overlap``, all NaN; steps of other columns are returned unchanged."""
     if steps.dtype != [(name, columns[name]) for name in columns.names or () if name != "overlap"]:
         return steps
-    known = np.zeros(len(steps), dtype=columns)
-    known["overlap"] = np.nan
+    extended_steps = np.zeros(len(steps), dtype=columns)
+    extended_steps["overlap"] = np.nan
     for name in steps.dtype.names or ():
-        known[name] = steps[name]
-    return known
+        extended_steps[name] = steps[name]
+    return extended_steps
 
 
 def _check_arrays(content: Mapping[str, NDArray[Any]], simulation: Simulation) -> None:
-    """Raise an error if an array has the wrong type, or an index in it is out of range."""
+    """Raise ``ValueError`` if an array has the wrong shape or type, or an index in it is out of range."""
     steps = step_columns(simulation.plan.scene)
     for name, dtype in {"steps": steps, "switches": SWITCH, "closed": np.int64, "sticking": np.int64}.items():
         if content[name].dtype != dtype or content[name].ndim != 1:
             raise ValueError(f"{name} have the wrong shape or type")
-    most = {"status": len(simulation.statuses), "law": len(LAWS), "before": len(LAW_STATES), "after": len(LAW_STATES)}
-    for name, number in most.items():
-        if (content["steps" if name == "status" else "switches"][name] >= number).any():
+    limits = {"status": len(simulation.statuses), "law": len(LAWS), "before": len(LAW_STATES), "after": len(LAW_STATES)}
+    for name, limit in limits.items():
+        if (content["steps" if name == "status" else "switches"][name] >= limit).any():
             raise ValueError(f"an index of {name} is out of range")
 
 
@@ -207,7 +209,7 @@ def _stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
     try:
         with path.open("rb") as file:
             if file.read(2) != b"PK":
-                raise _foreign(path)
+                raise _foreign_file_error(path)
             file.seek(0)
             return read_arrays(file)
     except FileNotFoundError:
@@ -215,19 +217,19 @@ def _stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
     except IsADirectoryError:
         raise BenchError(f"{path} is a folder; name a result file in it, ending in {SUFFIX}.") from None
     except ArchiveError:
-        raise _damaged(path) from None
+        raise _damaged_file_error(path) from None
     except OSError as error:
         raise BenchError(f"cannot read {path}: {error.strerror or error}.") from None
 
 
 def _about(content: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Any]:
-    """Return the description in a file; raise an error if this version cannot read its kind or format."""
+    """Return the description in a file; raise ``BenchError`` if this version cannot read its kind or format."""
     try:
         about = json.loads(content[ABOUT].tobytes().decode())
-    except _UNREADABLE:
+    except _READ_ERRORS:
         about = None
     if not isinstance(about, dict) or not str(about.get("kind")).startswith(KIND):
-        raise _foreign(path)
+        raise _foreign_file_error(path)
     if about["kind"] != KIND or about.get("format") not in (FORMAT_WITHOUT_OVERLAPS, FORMAT):
         raise BenchError(
             f"{path} has format {about.get('format')}, this version reads formats {FORMAT_WITHOUT_OVERLAPS} "
@@ -236,9 +238,9 @@ def _about(content: Mapping[str, NDArray[Any]], path: Path) -> dict[str, Any]:
     return about
 
 
-def _foreign(path: Path) -> BenchError:
+def _foreign_file_error(path: Path) -> BenchError:
     return BenchError(f"{path} is not a result file of a simulation; name a file that proxbench simulate wrote.")
 
 
-def _damaged(path: Path) -> BenchError:
+def _damaged_file_error(path: Path) -> BenchError:
     return BenchError(f"{path} is damaged; remove it and simulate again.")

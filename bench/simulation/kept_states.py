@@ -91,42 +91,45 @@ class KeptStates:
         is_first = new.cell >> doublings > kept[-1].cell >> doublings
         if is_first or is_marked:
             kept.append(new)
-        self._firsts += is_first
-        while self._firsts > self._max_cells:
+        self._n_cells += is_first
+        while self._n_cells > self._max_cells:
             doublings += 1
-            kept = _kept(kept, doublings)
+            kept = _thinned(kept, doublings)
             self._set_kept(doublings, kept)
 
     def restore(self, states: Sequence[State], marks: Sequence[bool], doublings: int) -> None:
         """Replace all kept states by those of another object with the same arguments."""
         self._last = states[-1]
         kept = [self._in_cell(state, is_marked) for state, is_marked in zip(states, marks, strict=True)]
-        self._set_kept(doublings, _kept(kept, doublings))
+        self._set_kept(doublings, _thinned(kept, doublings))
 
     def _set_kept(self, doublings: int, kept: list[KeptState]) -> None:
         self._kept_states = (doublings, kept)
-        self._firsts = len({one.cell >> doublings for one in kept})
+        self._n_cells = len({kept_state.cell >> doublings for kept_state in kept})
 
     def _in_cell(self, state: State, is_marked: bool = False) -> KeptState:
         return KeptState(state, math.floor((state.time - self._begin) / self._spacing + 0.5), is_marked)
 
 
-def _kept(kept: Sequence[KeptState], doublings: int) -> list[KeptState]:
+def _thinned(kept: Sequence[KeptState], doublings: int) -> list[KeptState]:
     """Return the first state of each cell of 2^doublings base spacings, and the marked ones."""
-    is_kept = [one.is_marked or before.cell >> doublings < one.cell >> doublings for before, one in pairwise(kept)]
+    is_kept = [
+        current.is_marked or previous.cell >> doublings < current.cell >> doublings
+        for previous, current in pairwise(kept)
+    ]
     return [kept[0], *compress(kept[1:], is_kept)]
 
 
 def kept_arrays(kept_states: KeptStates) -> dict[str, NDArray[Any]]:
     """Return the arrays for ``restore_kept``."""
     kept = kept_states.kept
-    states = [one.state for one in kept]
+    states = [kept_state.state for kept_state in kept]
     width = max(state.impulses.shape[1] for state in states)
     # states without contacts may have empty impulses of another width
     impulses = [state.impulses if len(state.keys) else np.zeros((0, width)) for state in states]
     return {
         "state_times": np.array([state.time for state in states]),
-        "state_marks": np.array([one.is_marked for one in kept]),
+        "state_marks": np.array([kept_state.is_marked for kept_state in kept]),
         "state_positions": np.array([state.position for state in states]),
         "state_velocities": np.array([state.velocity for state in states]),
         "state_contacts": np.array([len(state.keys) for state in states], dtype=np.int64),
@@ -164,8 +167,8 @@ def restore_kept(
     for name, (array, kind, shape) in shapes.items():
         if array.dtype != kind or array.shape != shape or (kind == np.float64 and not np.isfinite(array).all()):
             raise ValueError(f"the {name} of the kept states have a wrong shape or type, or are not finite")
-    known = np.array([start.time, *times])
-    if not len(time) or time[0] != known[0] or time[-1] != known[-1] or not np.isin(time, known).all():
+    all_times = np.array([start.time, *times])
+    if not len(time) or time[0] != all_times[0] or time[-1] != all_times[-1] or not np.isin(time, all_times).all():
         raise ValueError("the kept states are not states of the motion")
     if (contacts < 0).any() or (np.diff(time) <= 0.0).any() or doublings < 0:
         raise ValueError("the times of the kept states do not increase, or a count is negative")

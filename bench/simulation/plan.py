@@ -28,6 +28,8 @@ from .starts import DEFAULT_START, WARM, StepSolver, check_start, default_start
 
 
 class _Default(NamedTuple):
+    """Default settings of a solver."""
+
     solver: str
     tolerance: float
     max_iterations: int
@@ -91,8 +93,8 @@ class SimulationPlan:
     step_seconds: float = REQUEST_SECONDS
 
     def __repr__(self) -> str:
-        what = f"{self.scene.name}, {self.duration:g} s in {self.stepper.name} with {self.solver.name}"
-        return f"<SimulationPlan: {what} to {self.tolerance:g}>"
+        text = f"{self.scene.name}, {self.duration:g} s in {self.stepper.name} with {self.solver.name}"
+        return f"<SimulationPlan: {text} to {self.tolerance:g}>"
 
     def _repr_html_(self) -> str:
         facts: dict[str, object] = {"duration [s]": self.duration, "stepper": self.stepper.name}
@@ -153,17 +155,19 @@ def make_simulation_plan(
     seconds = REQUEST_SECONDS if step_seconds is None else step_seconds
     _check_seconds(seconds)
     new_scene = local_or_remote_scene(scene, options, seconds)
-    named = ("Extrapolated" if new_scene.has_few_contacts else "Moreau") if stepper is None else stepper
-    new_stepper = (make_stepper(named) if isinstance(named, str) else named).with_defaults_of(new_scene)
-    default = _default(new_scene, new_stepper)
-    chosen = default.solver if solver is None else solver
-    if not isinstance(chosen, str):
-        require_free_name(chosen)
+    stepper_or_name = ("Extrapolated" if new_scene.has_few_contacts else "Moreau") if stepper is None else stepper
+    new_stepper = (
+        make_stepper(stepper_or_name) if isinstance(stepper_or_name, str) else stepper_or_name
+    ).with_defaults_of(new_scene)
+    default = _default_settings(new_scene, new_stepper)
+    solver_or_name = default.solver if solver is None else solver
+    if not isinstance(solver_or_name, str):
+        require_free_name(solver_or_name)
     plan = SimulationPlan(
         new_scene,
         new_stepper,
         new_scene.duration if duration is None else duration,
-        local_or_remote_solver(chosen, seconds) if isinstance(chosen, str) else chosen,
+        local_or_remote_solver(solver_or_name, seconds) if isinstance(solver_or_name, str) else solver_or_name,
         default.tolerance if tolerance is None else tolerance,
         default.max_iterations if max_iterations is None else max_iterations,
         default_start(new_stepper) if start is None else start,
@@ -174,7 +178,8 @@ def make_simulation_plan(
     return plan
 
 
-def _default(scene: Scene, stepper: Stepper) -> _Default:
+def _default_settings(scene: Scene, stepper: Stepper) -> _Default:
+    """Return the default settings of the solver for a scene and a stepper."""
     if isinstance(stepper, EventDriven):
         return _EVENT_DRIVEN
     if isinstance(stepper, VariableStepper):
@@ -183,20 +188,20 @@ def _default(scene: Scene, stepper: Stepper) -> _Default:
 
 
 def changed(plan: SimulationPlan, **changes: Any) -> SimulationPlan:
-    """Return a copy of ``plan`` with other arguments of ``make_simulation_plan``, whose errors it raises."""
+    """Return a copy of ``plan`` with other arguments of ``make_simulation_plan``, which may raise its errors."""
     if not changes:
         return plan
     # a plugin's solver gets its time limit when it is created
     solver = plan.solver.name if "step_seconds" in changes else plan.solver
-    kept = {**msgspec.structs.asdict(plan.record), "stepper": plan.stepper, "solver": solver}
-    return make_simulation_plan(**{**kept, **changes})
+    arguments = {**msgspec.structs.asdict(plan.record), "stepper": plan.stepper, "solver": solver}
+    return make_simulation_plan(**{**arguments, **changes})
 
 
 def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str) -> None:
     """Check that given values agree with the plan of a simulation that is resumed.
 
     Args:
-        plan: the plan as it was stored.
+        plan: the stored plan.
         given: values by the names of ``PlanRecord``. The scene, with or without options, and ``states`` must equal the
             stored ones. A variable stepper may be replaced by another variable stepper. Other values may differ.
         source: name of the stored simulation in messages.
@@ -206,13 +211,13 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
         ProxbenchError: for an unknown option, or a value out of range.
     """
     stored = {**msgspec.structs.asdict(plan.record), **plan.scene.options}
-    for name, value in _values(plan, given):
+    for name, value in _required_values(plan, given):
         if name not in stored or value != stored[name]:
             holds = f"{name} {_value_text(stored[name])}" if name in stored else f"no {name}"
             raise BenchError(f"{name} {_value_text(value)} contradicts {source}, which has {holds}; omit it to resume.")
 
 
-def _values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, Any]]:
+def _required_values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """Return the names and values that must equal the stored ones."""
     values: list[tuple[str, Any]] = []
     if "scene" in given:
@@ -222,9 +227,9 @@ def _values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, A
             values += [(option, convert_option(name, option, value)) for option, value in options.items()]
     if "stepper" in given:
         stepper = given["stepper"]
-        other = (make_stepper(stepper) if isinstance(stepper, str) else stepper).with_defaults_of(plan.scene)
-        if not (isinstance(other, VariableStepper) and isinstance(plan.stepper, VariableStepper)):
-            values.append(("stepper", other.name))
+        new_stepper = (make_stepper(stepper) if isinstance(stepper, str) else stepper).with_defaults_of(plan.scene)
+        if not (isinstance(new_stepper, VariableStepper) and isinstance(plan.stepper, VariableStepper)):
+            values.append(("stepper", new_stepper.name))
     if "states" in given:
         values.append(("states", given["states"]))
     return values

@@ -51,7 +51,7 @@ class SolvedRecord(Record, frozen=True, kw_only=True):
 
     Attributes:
         length: Δt [s].
-        time: time at its end [s].
+        time: time at the end of the step [s].
         status: status of the solver; None if no contact was active.
         iterations: number of iterations.
         overlap: penetration [m] that the projection of positions leaves; see ``Step``.
@@ -81,7 +81,7 @@ class StepRecord(Record, frozen=True, kw_only=True):
 
 
 class RemoteSteps(RenewedWorker):
-    """The steps of a plan, taken in a separate process, which ends with the object."""
+    """The steps of a plan, taken in a separate process, which ends when the object is closed."""
 
     def __init__(self, plan: SimulationPlan) -> None:
         solver = plan.solver.spec if isinstance(plan.solver, RemoteSolver) else solver_spec(plan.solver)
@@ -97,85 +97,87 @@ class RemoteSteps(RenewedWorker):
             BenchError: if a step fails, or the process does not answer.
         """
         allowed = max(self.seconds, REQUEST_SECONDS)  # the process imports and compiles first
-        self._answer("begin", start, states, seconds=allowed)
-        begin, began, charged = start, time.monotonic(), 0.0
+        self._request("begin", start, states, seconds=allowed)
+        begin, start_time, total_seconds = start, time.monotonic(), 0.0
         while True:
-            answer, content = self._answer("step", seconds=allowed)
+            answer, content = self._request("step", seconds=allowed)
             if answer.get("has_ended"):
                 return
             try:
-                taken, values = _read(
+                step, values = _read_step(
                     msgspec.convert(answer["step"], StepRecord, str_keys=True), unpacked(content), begin, self._scene
                 )
-                charged += taken.seconds
+                total_seconds += step.seconds
                 # a stepper may try the next step before it yields one, so only the sum is bounded
-                if taken.seconds < 0.0 or charged > time.monotonic() - began:
+                if step.seconds < 0.0 or total_seconds > time.monotonic() - start_time:
                     raise ValueError("the time of a step is out of range")
             except MALFORMED_ANSWER_ERRORS:
                 self.close()
                 raise self.failure(invalid_answer_fault()) from None
-            yield taken, values
-            begin, allowed = taken.end, self.seconds
+            yield step, values
+            begin, allowed = step.end, self.seconds
 
     def failure(self, fault: Fault) -> Exception:
-        """Return the error for a request without an answer, the same as the scene's system returns."""
+        """Return the error for a request without an answer, which is that of the scene's system."""
         system = self._scene.system
         assert isinstance(system, RemoteSystem)
         return system.failure(fault)
 
-    def _answer(self, request: str, *arguments: Any, seconds: float) -> tuple[dict[str, Any], bytes]:
+    def _request(self, request: str, *arguments: Any, seconds: float) -> tuple[dict[str, Any], bytes]:
+        """Return the answer to a request; raise ``BenchError`` if the step has failed."""
         answer, content = self.ask(request, *arguments, seconds=seconds)
         if "failed" in answer:
             raise BenchError(str(answer["failed"]))
         return answer, content
 
 
-def _read(about: StepRecord, arrays: Arrays, begin: State, scene: Scene) -> tuple[AcceptedStep, SceneValues]:
+def _read_step(record: StepRecord, arrays: Arrays, begin: State, scene: Scene) -> tuple[AcceptedStep, SceneValues]:
     """Return a step, with energies and observables at its end."""
     velocity, substeps = begin.velocity, []
-    for number, one in enumerate(about.solved):
-        step = _read_solve(one, _part(arrays, f"solve{number}"), velocity, len(begin.position))
-        substeps.append((step, one.length))
+    for number, solve in enumerate(record.solved):
+        step = _read_solve(solve, _with_prefix(arrays, f"solve{number}"), velocity, len(begin.position))
+        substeps.append((step, solve.length))
         velocity = step.state.velocity
-    end = read_state(about.time, _part(arrays, "end"), len(begin.position), len(begin.velocity))
-    if len(about.observed) != len(scene.observables) or not end.time > begin.time:
+    end = read_state(record.time, _with_prefix(arrays, "end"), len(begin.position), len(begin.velocity))
+    if len(record.observed) != len(scene.observables) or not end.time > begin.time:
         raise ValueError("the step does not fit the scene")
-    taken = AcceptedStep(
+    accepted = AcceptedStep(
         begin,
         end,
         substeps,
-        about.error,
-        about.states,
-        about.switches,
-        about.solves,
-        about.rejected,
-        about.seconds,
+        record.error,
+        record.states,
+        record.switches,
+        record.solves,
+        record.rejected,
+        record.seconds,
     )
-    return taken, SceneValues(about.kinetic_energy, about.potential_energy, about.observed)
+    return accepted, SceneValues(record.kinetic_energy, record.potential_energy, record.observed)
 
 
-def _read_solve(about: SolvedRecord, arrays: Arrays, begin: FloatArray, n_coordinates: int) -> Step:
+def _read_solve(record: SolvedRecord, arrays: Arrays, begin: FloatArray, n_coordinates: int) -> Step:
     """Return a one-step solve, with its problem assembled from the linearised system of the process.
 
     Args:
-        about: its record.
-        arrays: its arrays.
-        begin: velocity at its beginning, shape (n_dofs,).
+        record: the record of the solve.
+        arrays: the arrays of the solve.
+        begin: velocity at the beginning of the solve, shape (n_dofs,).
         n_coordinates: number of coordinates.
     """
     n_dofs = len(begin)
-    state = read_state(about.time, arrays, n_coordinates, n_dofs)
+    state = read_state(record.time, arrays, n_coordinates, n_dofs)
     if "free_motion" not in arrays:
-        return Step(state, None, np.zeros(0), None, None, 0, about.overlap)
+        return Step(state, None, np.zeros(0), None, None, 0, record.overlap)
     contacts = read_contacts(arrays, n_dofs)
     free_motion = finite_numbers(arrays["free_motion"], (n_dofs,))
     problem = step_problem(StepAssembly(free_motion, read_inverse_mass(arrays, n_dofs), contacts), contacts, begin)
     impulses = finite_numbers(arrays["solution"], (problem.n_rows,))
-    return Step(state, problem, impulses, contacts, about.status, about.iterations, about.overlap)
+    return Step(state, problem, impulses, contacts, record.status, record.iterations, record.overlap)
 
 
-def _part(arrays: Arrays, prefix: str) -> Arrays:
-    return {name.removeprefix(f"{prefix}."): one for name, one in arrays.items() if name.startswith(f"{prefix}.")}
+def _with_prefix(arrays: Arrays, prefix: str) -> Arrays:
+    """Return the arrays whose names begin with ``prefix`` and a dot, without this beginning."""
+    return {name.removeprefix(f"{prefix}."): array for name, array in arrays.items() if name.startswith(f"{prefix}.")}
 
 
 @dataclass
@@ -189,36 +191,36 @@ class StepsTask:
     start: str
     stop: Stop
     until: float
-    _made: Scene | None = None
+    _built_scene: Scene | None = None
     _steps: Iterator[AcceptedStep] = field(default_factory=lambda: iter(()))
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request; the answer to a failed one is {"failed": sentence}."""
+        """Answer one request; the answer to a failed request is {"failed": sentence}."""
         try:
             if request == "begin":
                 self._begin(*arguments)
                 return {}, b""
-            taken = next(self._steps, None)
+            step = next(self._steps, None)
         except ProxbenchError as error:
             return {"failed": str(error)}, b""
-        if taken is None:
+        if step is None:
             return {"has_ended": True}, b""
-        assert self._made is not None
-        record, arrays = _describe(self._made, taken)
+        assert self._built_scene is not None
+        record, arrays = _describe(self._built_scene, step)
         return {"step": msgspec.to_builtins(record, str_keys=True)}, packed(arrays)
 
     def _begin(self, start: State, states: LawStates | None) -> None:
-        self._made = build_plugin_scene(self.scene, self.options)
+        self._built_scene = build_plugin_scene(self.scene, self.options)
         stepper, solver = make_stepper(self.stepper), StepSolver(self.solver.make(), self.start)
-        motion = (self._made, solver, self.stop, start, self.until)
+        motion = (self._built_scene, solver, self.stop, start, self.until)
         self._steps = stepper.steps(*motion, states=states)
 
 
-def _describe(scene: Scene, taken: AcceptedStep) -> tuple[StepRecord, Arrays]:
+def _describe(scene: Scene, accepted: AcceptedStep) -> tuple[StepRecord, Arrays]:
     """Return an accepted step as a record and its arrays."""
-    arrays = {f"end.{name}": one for name, one in state_arrays(taken.end).items()}
+    arrays = {f"end.{name}": array for name, array in state_arrays(accepted.end).items()}
     solved = []
-    for number, (step, length) in enumerate(taken.substeps):
+    for number, (step, length) in enumerate(accepted.substeps):
         solved.append(
             SolvedRecord(
                 length=length,
@@ -228,22 +230,23 @@ def _describe(scene: Scene, taken: AcceptedStep) -> tuple[StepRecord, Arrays]:
                 overlap=float(step.overlap),
             )
         )
-        arrays |= {f"solve{number}.{name}": one for name, one in _solve_arrays(step).items()}
+        arrays |= {f"solve{number}.{name}": array for name, array in _solve_arrays(step).items()}
     record = StepRecord(
-        time=taken.end.time,
-        error=float(taken.error),
+        time=accepted.end.time,
+        error=float(accepted.error),
         solved=solved,
-        switches=list(taken.switches),
-        states=taken.states,
-        solves=taken.solves,
-        rejected=taken.rejected,
-        seconds=taken.seconds,
-        **asdict(scene_values(scene, taken.end)),
+        switches=list(accepted.switches),
+        states=accepted.states,
+        solves=accepted.solves,
+        rejected=accepted.rejected,
+        seconds=accepted.seconds,
+        **asdict(scene_values(scene, accepted.end)),
     )
     return record, arrays
 
 
 def _solve_arrays(step: Step) -> Arrays:
+    """Return the arrays of a one-step solve, for ``_read_solve``."""
     arrays = state_arrays(step.state)
     if step.problem is None or step.contacts is None:
         return arrays

@@ -1,4 +1,4 @@
-"""Run a simulation: step, judge, record, and store at intervals, until it ends or is stopped."""
+"""Run a simulation: take, judge and record steps, and store them at intervals, until the simulation ends or stops."""
 
 import math
 import time
@@ -33,7 +33,7 @@ OnProgress = Callable[[Simulation], None]
 """Called after every step with the simulation so far."""
 
 BYTES_PER_ROW = 400
-"""Memory of a step for each row of its contacts [bytes]; heaps of 16 000 and 64 000 balls take 450."""
+"""Lower bound of the memory of a step per row of its contacts [bytes]; heaps of 16 000 and 64 000 balls take 450."""
 
 CHECKPOINT_SECONDS = 10.0
 """Wall time between two writes of the result file [s]."""
@@ -70,7 +70,7 @@ def simulate(
         hooks: see ``Hooks``.
 
     Returns:
-        The simulation; ``is_finished`` tells whether it reached its end.
+        The simulation; ``is_finished`` is False if it was stopped early.
 
     Raises:
         BenchError: if the output exists or cannot be written.
@@ -96,9 +96,9 @@ def resume_simulation(
     tolerance.
 
     Args:
-        file: its result file, to which steps are added.
+        file: the result file, to which steps are added.
         given: expected values of the plan, see ``plan.check_agreement``. Another solver, tolerance, number of
-            iterations, start or variable stepper takes the remaining steps, for example after a failed step.
+            iterations, start or variable stepper applies to the remaining steps, for example after a failed step.
         duration: simulated time from the start [s]; as planned if None.
         solver: the solver, if ``create`` does not know it by its name.
         hooks: see ``Hooks``.
@@ -118,9 +118,9 @@ def resumable_simulation(
 ) -> Simulation:
     """Return a stored simulation that can be continued; for arguments and errors see ``resume_simulation``."""
     simulation = read_simulation(file, solver)
-    known = dict(given or {})
-    check_agreement(simulation.plan, known, str(file))
-    changes: dict[str, Any] = {name: known[name] for name in REPLACEABLE if name in known}
+    expected = dict(given or {})
+    check_agreement(simulation.plan, expected, str(file))
+    changes: dict[str, Any] = {name: expected[name] for name in REPLACEABLE if name in expected}
     if duration is not None:
         changes["duration"] = duration
     plan = changed(simulation.plan, **changes)
@@ -130,7 +130,7 @@ def resumable_simulation(
             "choose a longer one, or omit it."
         )
     stored, simulation.plan = simulation.plan, plan
-    if simulation.is_finished:  # no step with other settings follows
+    if simulation.is_finished:  # no step follows to which the new settings apply
         simulation.plan = stored
     return simulation
 
@@ -138,7 +138,7 @@ def resumable_simulation(
 def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     """Take the remaining steps, and write the result file at intervals and at the end.
 
-    Numerical libraries use one thread meanwhile, as in measured cases; see ``one_library_thread``.
+    Meanwhile, numerical libraries use one thread, as in measured cases; see ``one_library_thread``.
 
     Raises:
         InsufficientMemoryError: if the available memory does not suffice for a step and the states to keep.
@@ -151,21 +151,21 @@ def advance(simulation: Simulation, **hooks: Unpack[Hooks]) -> None:
     should_stop, on_progress = hooks.get("should_stop"), hooks.get("on_progress")
     checkpoint_seconds = hooks.get("checkpoint_seconds", CHECKPOINT_SECONDS)
     clock = time.perf_counter
-    began = clock() - simulation.wall_seconds
+    start_time = clock() - simulation.wall_seconds
     _store(simulation)  # detects immediately that the file cannot be written
-    written = clock()
+    last_write = clock()
     steps = _steps(simulation, hooks.get("watch_steps", without_compilation))
     try:
         with one_library_thread():
             while not simulation.is_finished and not (should_stop and should_stop()):
-                taken = _next_step(simulation, steps)
-                for call in hooks.get("on_step", ()):
-                    call(simulation.n_steps, taken)
+                step = _next_step(simulation, steps)
+                for on_step in hooks.get("on_step", ()):
+                    on_step(simulation.n_steps, step)
                 now = clock()
-                simulation.wall_seconds = now - began
-                if now - written >= checkpoint_seconds:
+                simulation.wall_seconds = now - start_time
+                if now - last_write >= checkpoint_seconds:
                     _store(simulation)
-                    written = clock()
+                    last_write = clock()
                 if on_progress:
                     on_progress(simulation)
     finally:
@@ -216,11 +216,12 @@ def _steps(
             yield from worker.steps(simulation.state, states)
         return
     motion = (plan.scene, plan.step_solver, plan.stop, simulation.state, plan.until)
-    for taken in watch(plan.stepper.steps(*motion, states=states)):
-        yield taken, scene_values(plan.scene, taken.end)
+    for step in watch(plan.stepper.steps(*motion, states=states)):
+        yield step, scene_values(plan.scene, step.end)
 
 
 def _store(simulation: Simulation) -> None:
+    """Write the result file, if any."""
     if simulation.file is not None:
         write_simulation(simulation, simulation.file)
 
@@ -229,23 +230,23 @@ def _next_step(simulation: Simulation, steps: Iterator[tuple[AcceptedStep, Scene
     """Take one step and add it to the simulation."""
     scene = simulation.plan.scene
     try:
-        taken, values = next(steps)
-        row = step_row(scene, taken, values, simulation.statuses)
+        step, values = next(steps)
+        row = step_row(scene, step, values, simulation.statuses)
     except (Exception, SystemExit) as error:
-        raise _failed(simulation, error_text(error)) from error
+        raise _record_failure(simulation, error_text(error)) from error
     energies = [row.kinetic_energy] if scene.potential_energy is None else [row.kinetic_energy, row.potential_energy]
     if not all(map(math.isfinite, energies)):
-        raise _failed(simulation, NOT_FINITE)
-    simulation.append(row, taken)
-    return taken
+        raise _record_failure(simulation, NOT_FINITE)
+    simulation.append(row, step)
+    return step
 
 
-def _failed(simulation: Simulation, what: str) -> FailedSimulationError:
+def _record_failure(simulation: Simulation, reason: str) -> FailedSimulationError:
     """Record that the next step failed; return the error to raise."""
     simulation.failure = Failure(
         step=simulation.n_steps + 1,
         time=simulation.state.time,
         solver=simulation.plan.solver.name,
-        reason=what.rstrip("."),
+        reason=reason.rstrip("."),
     )
     return simulation.failure.error(simulation.file)

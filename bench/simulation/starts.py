@@ -25,7 +25,7 @@ class UnsupportedStepError(BenchError):
 
 
 def default_start(stepper: Stepper) -> str:
-    """Return the default start of a stepper, cold if it provides no impulses."""
+    """Return the default start of a stepper, which is cold if the stepper provides no impulses."""
     return DEFAULT_START if stepper.uses_last_impulses else COLD
 
 
@@ -33,7 +33,7 @@ def check_start(name: str) -> None:
     """Check the name of a start.
 
     Raises:
-        BenchError: if it is unknown, with the nearest name.
+        BenchError: if the name is unknown, with the nearest name.
     """
     if name not in STARTS:
         raise BenchError(f"there is no start {name!r}{suggestion(name, STARTS)}")
@@ -55,7 +55,7 @@ class StepSolver:
         """Prepare ``problem``; ``solve`` of the result receives the impulses of the last step.
 
         Raises:
-            UnsupportedStepError: if the solver does not support it.
+            UnsupportedStepError: if the solver does not support the problem.
         """
         reason = self.solver.supports(problem)
         if reason:
@@ -91,10 +91,10 @@ class _FromScaled:
 
 
 def scaled_start(problem: ContactProblem, impulses: FloatArray) -> FloatArray:
-    """Return s Λ with the s in [0, 1] of least energy, shape (n_rows,).
+    """Return s Λ with the s in [0, 1] that minimizes the energy, shape (n_rows,); Λ itself if ΛᵀGΛ is not positive.
 
-    Of all multiples of Λ, the energy ½ s² ΛᵀGΛ + s Λᵀc is least for s = −Λᵀc / ΛᵀGΛ. Without friction, the solution
-    has the least energy of all admissible impulses. At rest the last impulses almost solve the next step, and s is
+    Of all multiples of Λ, s = −Λᵀc / ΛᵀGΛ minimizes the energy ½ s² ΛᵀGΛ + s Λᵀc. Without friction, the solution
+    minimizes the energy over all admissible impulses. At rest the last impulses almost solve the next step, and s is
     near 1; after impacts s is small. All sets of admissible impulses contain s Λ if they contain Λ.
 
     Args:

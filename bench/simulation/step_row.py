@@ -26,6 +26,7 @@ STATUSES = (NO_CONTACT, *(status.value for status in Status))
 
 
 def _column(kind: str) -> Any:
+    """Return a dataclass field that is stored as a column of the NumPy type ``kind``."""
     return field(metadata={"type": kind})
 
 
@@ -34,18 +35,18 @@ class StepRow:
     """One accepted step.
 
     Attributes:
-        time: time at its end [s].
-        length: its length [s].
+        time: time at the end of the step [s].
+        length: length of the step [s].
         error: estimated relative error, 0 without an estimate.
         solves: number of solved one-step inclusions.
-        rejected: number of rejected attempts before it.
-        contacts: number of active contacts at its end.
-        iterations: iterations of the solver in its one-step solves.
+        rejected: number of rejected attempts before the step.
+        contacts: number of active contacts at the end of the step.
+        iterations: iterations of the solver in all one-step solves of the step.
         residual: the largest judged residual of these solves.
         local_residual: their largest local residual.
         status: status of the solve with the largest judged residual, as an index into the statuses of the simulation.
-        kinetic_energy: kinetic energy at its end [J].
-        potential_energy: potential energy at its end [J], NaN if unknown.
+        kinetic_energy: kinetic energy at the end of the step [J].
+        potential_energy: potential energy at the end of the step [J], NaN if unknown.
         penetration: largest penetration at the beginning of one-step solves, relative to the length of the scene.
         impact_depth: largest penetration at their midpoints, where contacts are detected, relative to this length.
         overlap: largest penetration at the ends of one-step solves whose projection of positions did not reach its
@@ -78,7 +79,7 @@ class StepRow:
         return (*map(self.__dict__.__getitem__, _OWN_COLUMNS), *self.observed)
 
 
-_OWN_COLUMNS = {one.name: one.metadata["type"] for one in fields(StepRow) if "type" in one.metadata}
+_OWN_COLUMNS = {column.name: column.metadata["type"] for column in fields(StepRow) if "type" in column.metadata}
 """Types of the columns of every scene, by name."""
 
 
@@ -86,9 +87,9 @@ def step_columns(scene: Scene) -> np.dtype[np.void]:
     """Return the type of the rows of a scene: the columns of every scene, and its observables.
 
     Raises:
-        BenchError: if two columns have the same name, or an observable has none.
+        BenchError: if two columns have the same name, or an observable has no name.
     """
-    names = [one.name for one in scene.observables]
+    names = [observable.name for observable in scene.observables]
     for name in names:
         if name in _OWN_COLUMNS or names.count(name) > 1 or not name:
             raise BenchError(
@@ -96,7 +97,10 @@ def step_columns(scene: Scene) -> np.dtype[np.void]:
                 "occur twice, or be the name of another column; rename it."
             )
     return np.dtype(
-        [*_OWN_COLUMNS.items(), *((one.name, "<i4" if one.is_count else "<f8") for one in scene.observables)]
+        [
+            *_OWN_COLUMNS.items(),
+            *((observable.name, "<i4" if observable.is_count else "<f8") for observable in scene.observables),
+        ]
     )
 
 
@@ -107,7 +111,7 @@ class SceneValues:
     Attributes:
         kinetic_energy: kinetic energy [J].
         potential_energy: potential energy [J], NaN if unknown.
-        observed: values of its observables, in order.
+        observed: values of the observables of the scene, in order.
     """
 
     kinetic_energy: float
@@ -118,7 +122,7 @@ class SceneValues:
 def scene_values(scene: Scene, state: State) -> SceneValues:
     """Return the energies and observables of a state of ``scene``."""
     potential = math.nan if scene.potential_energy is None else scene.potential_energy(state.position)
-    observed = tuple(float(one.compute(state)) for one in scene.observables)
+    observed = tuple(float(observable.compute(state)) for observable in scene.observables)
     return SceneValues(scene.kinetic_energy(state.velocity), potential, observed)
 
 
@@ -128,7 +132,7 @@ def step_row(scene: Scene, taken: AcceptedStep, values: SceneValues, statuses: S
     Args:
         scene: the scene.
         taken: the step.
-        values: energies and observables at its end.
+        values: energies and observables at the end of the step.
         statuses: texts by the stored status.
     """
     state = taken.end
@@ -166,10 +170,10 @@ class _Solve:
 
     Attributes:
         problem: the one-step problem.
-        contacts: its active contacts.
+        contacts: the active contacts.
         impulses: Λ [N s], shape (n_rows,).
         length: Δt [s].
-        approach: relative velocity Wᵀu_B at its beginning [m/s], shape (n_rows,).
+        approach: relative velocity Wᵀu_B at the beginning of the solve [m/s], shape (n_rows,).
     """
 
     problem: ContactProblem
@@ -179,10 +183,10 @@ class _Solve:
     approach: FloatArray
 
 
-def _solves(taken: AcceptedStep) -> Iterator[_Solve]:
+def _solves(accepted: AcceptedStep) -> Iterator[_Solve]:
     """Yield the one-step solves with contacts."""
-    velocity = taken.begin.velocity
-    for step, length in taken.substeps:
+    velocity = accepted.begin.velocity
+    for step, length in accepted.substeps:
         if step.contacts is not None and step.problem is not None:
             approach = step.contacts.transposed_times(velocity)
             yield _Solve(step.problem, step.contacts, step.impulses, length, approach)
@@ -205,8 +209,8 @@ def _depths(solves: Sequence[_Solve]) -> tuple[float, float]:
 
 def _local_residual(solve: _Solve) -> float:
     """Return the local residual of a solve, relative to the part of c that forces add, c − (1 + ε) Wᵀu_B."""
-    forced = solve.problem.free_velocity - (1.0 + solve.contacts.restitution) * solve.approach
-    return local_residual(solve.problem, solve.impulses, float(np.abs(forced).max(initial=0.0)))
+    force_part = solve.problem.free_velocity - (1.0 + solve.contacts.restitution) * solve.approach
+    return local_residual(solve.problem, solve.impulses, float(np.abs(force_part).max(initial=0.0)))
 
 
 def judged_residual(step: Step) -> float:

@@ -22,17 +22,17 @@ def without_compilation(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]
     from the following steps. Do not use this function if code of a plugin runs, because it could hold the compiler
     lock.
     """
-    compiling = 0.0
+    compilation_seconds = 0.0
     while True:
-        compiler: Any = event.TimingListener()  # type: ignore[no-untyped-call]
-        with event.install_listener(COMPILER_EVENT, compiler):
-            taken = next(steps, None)
-        if taken is None:
+        listener: Any = event.TimingListener()  # type: ignore[no-untyped-call]
+        with event.install_listener(COMPILER_EVENT, listener):
+            step = next(steps, None)
+        if step is None:
             return
-        compiling += compiler.duration if compiler.done else 0.0
-        seconds = max(taken.seconds - compiling, 0.0)
-        compiling -= taken.seconds - seconds
-        yield replace(taken, seconds=seconds)
+        compilation_seconds += listener.duration if listener.done else 0.0
+        seconds = max(step.seconds - compilation_seconds, 0.0)
+        compilation_seconds -= step.seconds - seconds
+        yield replace(step, seconds=seconds)
 
 
 @dataclass
@@ -40,7 +40,7 @@ class StepClocks:
     """Wall and processor time of the steps of a simulation.
 
     Attributes:
-        solver: the solver; if it is an executable, the processor time of its program is included.
+        solver: the solver; if it is an executable, the processor time of that program is included.
         wall: wall time [s].
         processor: processor time [s].
     """
@@ -52,12 +52,12 @@ class StepClocks:
     def watch(self, steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
         """Yield the steps, and add their times and that of a step that fails."""
         while True:
-            worked, began = used_processor_seconds(self.solver), perf_counter()
+            start_processor, start_wall = used_processor_seconds(self.solver), perf_counter()
             try:
-                taken = next(steps, None)
+                step = next(steps, None)
             finally:
-                self.wall += perf_counter() - began
-                self.processor += used_processor_seconds(self.solver) - worked
-            if taken is None:
+                self.wall += perf_counter() - start_wall
+                self.processor += used_processor_seconds(self.solver) - start_processor
+            if step is None:
                 return
-            yield taken
+            yield step

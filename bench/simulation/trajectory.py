@@ -60,8 +60,8 @@ class GrowingArray:
     def append(self, row: Any) -> None:
         """Add one row."""
         if self._count == len(self._array):
-            more = np.zeros((max(256, self._count), *self._array.shape[1:]), dtype=self._array.dtype)
-            self._array = np.concatenate([self._array, more])
+            new_rows = np.zeros((max(256, self._count), *self._array.shape[1:]), dtype=self._array.dtype)
+            self._array = np.concatenate([self._array, new_rows])
         self._array[self._count] = row
         self._count += 1
 
@@ -96,7 +96,7 @@ class Simulation:
         wall_seconds: total wall time of steps, judging, storing and showing [s].
         file: the result file; None if nothing is stored.
         failure: the failed next step; None if no step has failed since the simulation was resumed.
-        outputs: paths of its chart and its recording.
+        outputs: paths of the chart and the recording.
         kept_states: the stored states, evenly over simulated time and at switching points.
     """
 
@@ -193,15 +193,15 @@ class Simulation:
         rule, steps = self.plan.scene.ending, self.steps
         if rule is None or not self.n_steps:
             return None
-        since = int(np.searchsorted(steps["time"], steps["time"][-1] - rule.seconds, side="right"))
-        return rule.find(steps[max(0, since - 1) :])
+        first = int(np.searchsorted(steps["time"], steps["time"][-1] - rule.seconds, side="right"))
+        return rule.find(steps[max(0, first - 1) :])
 
     @property
     def ending(self) -> str:
         """Why the simulation ended: an ``Ending``, or the name of ``scene_ending``."""
-        by_scene = self.scene_ending
-        if by_scene is not None:
-            return by_scene.name
+        scene_ending = self.scene_ending
+        if scene_ending is not None:
+            return scene_ending.name
         if self.plan.stepper.has_reached(self.plan.scene, self.state, self.plan.until):
             return Ending.DURATION
         return Ending.STOPPED if self.failure is None else Ending.FAILED
@@ -214,8 +214,8 @@ class Simulation:
     def unsolved_from(self, first: int) -> NDArray[np.bool_]:
         """Return ``unsolved`` for the steps from index ``first`` on."""
         tolerances = self.tolerances[first:]
-        missed: NDArray[np.bool_] = ~(self.steps["residual"][first:] <= SLACK * tolerances + ROUNDING)
-        return missed
+        is_unsolved: NDArray[np.bool_] = ~(self.steps["residual"][first:] <= SLACK * tolerances + ROUNDING)
+        return is_unsolved
 
     @property
     def refuted(self) -> NDArray[np.bool_]:
@@ -261,10 +261,10 @@ class Simulation:
 
         Args:
             steps: the steps.
-            state: the state at their end.
-            switches: their switching points.
+            state: the state at the end of the last step.
+            switches: the switching points; None if there are none.
             law_states: the last states of laws.
-            segments: their segments; if None, one with the settings of the plan.
+            segments: segments of the steps; if None, one with the settings of the plan.
         """
         if switches is None:
             switches = np.zeros(0, dtype=SWITCH)
@@ -278,7 +278,7 @@ class Simulation:
 
 
 def describe_switches(found: Sequence[SwitchEvent]) -> str:
-    """Return the number of switching points, one per law that switches, and of their instants, in words."""
+    """Return the numbers of switching points and of their instants, in words; each law that switches counts once."""
     if not found:
         return "no switching points"
     instants = len({event.time for event in found})
@@ -286,5 +286,6 @@ def describe_switches(found: Sequence[SwitchEvent]) -> str:
 
 
 def _switch_row(switch: SwitchingPoint) -> tuple[float, ...]:
+    """Return a switching point as a row of type ``SWITCH``."""
     law, before, after = LAWS.index(switch.law), LAW_STATES.index(switch.before), LAW_STATES.index(switch.after)
     return switch.begin, switch.end, law, switch.contact, before, after

@@ -156,7 +156,7 @@ def few_iterations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
         return
     monkeypatch.setattr(repetition_checks, "STOP", Stop(1e-9, max_iterations=50, max_seconds=0.5))
     if name.startswith("Cvxpy"):
-        monkeypatch.setattr(samples, "_HARD", KINDS)
+        monkeypatch.setattr(samples, "_HARD_CASES", KINDS)
     if name.startswith((*SLOW, *PATIENT)):
         monkeypatch.setattr(solver_checks, "DEFAULT_STOP", Stop(1e-6, max_iterations=200, max_seconds=1.0))
         monkeypatch.setattr(hard_checks, "CYCLING", Stop(1e-10, max_iterations=200, max_seconds=1.0))

@@ -27,7 +27,7 @@ Part = Callable[[], None]
 
 
 class Compiled(NamedTuple):
-    """Number of compiled kernels, and compilation time [s]; with several processes, the longest time of one."""
+    """Number of compiled kernels, and compilation time [s]; with several processes, the longest time of any."""
 
     kernels: int
     seconds: float
@@ -43,10 +43,11 @@ def compile_here(parts: Sequence[Part]) -> Compiled:
 
 
 def compile_in_processes(parts: str, n_parts: int, n_processes: int) -> Compiled:
-    """Compile parts in several processes; each takes its next part from one end of the list.
+    """Compile parts in several processes.
 
-    Half of the processes use the other end, so that a process compiles neighbours in the list, which have kernels in
-    common. The functions that numba generates for kernels are not cached; each process compiles its own.
+    Half of the processes take parts from the front of the list, the other half from the back. A process thus compiles
+    mostly neighbouring parts, which have kernels in common. Numba does not cache the functions that it generates for
+    kernels, so each process compiles its own.
 
     Args:
         parts: the function that returns the parts, as ``module:name``.
@@ -54,26 +55,25 @@ def compile_in_processes(parts: str, n_parts: int, n_processes: int) -> Compiled
         n_processes: number of processes.
 
     Raises:
-        BenchError: if a process fails; its standard error says why.
+        BenchError: if a process fails; its standard error gives the reason.
     """
-    left = deque(range(n_parts))
+    remaining = deque(range(n_parts))
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        numbers = range(n_processes)
-        children = [stack.enter_context(_start(parts, folder, announces=number == 0)) for number in numbers]
+        children = [stack.enter_context(_start(parts, folder, announces=i == 0)) for i in range(n_processes)]
         with ThreadPoolExecutor(n_processes) as threads:
             try:
-                done = list(threads.map(_compile_in, children, cycle((left.popleft, left.pop))))
+                results = list(threads.map(_compile_in, children, cycle((remaining.popleft, remaining.pop))))
             finally:
                 for child in children:
                     child.kill()
-    return Compiled(sum(one.kernels for one in done), max(one.seconds for one in done))
+    return Compiled(sum(result.kernels for result in results), max(result.seconds for result in results))
 
 
 def _start(parts: str, folder: str, announces: bool) -> "subprocess.Popen[str]":
-    """Start a process; with ``announces``, it reports a long compilation, unless this process is silent."""
-    serving = f"serve({parts!r}, {folder!r}, announces={announces and not COMPILATION.is_silent})"
+    """Start a process that runs ``serve``; it announces nothing if this process is silent."""
+    call = f"serve({parts!r}, {folder!r}, announces={announces and not COMPILATION.is_silent})"
     return subprocess.Popen(
-        [sys.executable, "-c", f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; {serving}"],
+        [sys.executable, "-c", f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; {call}"],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**os.environ, **ONE_THREAD},
@@ -82,18 +82,22 @@ def _start(parts: str, folder: str, announces: bool) -> "subprocess.Popen[str]":
     )
 
 
-def _compile_in(child: "subprocess.Popen[str]", take: Callable[[], int]) -> Compiled:
-    """Let a process compile parts until none is left and ``take`` raises IndexError."""
+def _compile_in(child: "subprocess.Popen[str]", take_number: Callable[[], int]) -> Compiled:
+    """Let a process compile parts until ``take_number`` raises IndexError because none is left.
+
+    Raises:
+        BenchError: if the process ends.
+    """
     assert child.stdin is not None
     assert child.stdout is not None
     kernels, seconds = 0, 0.0
     while True:
         try:
-            part = take()
+            number = take_number()
         except IndexError:
             return Compiled(kernels, seconds)
         with suppress(BrokenPipeError):
-            print(part, file=child.stdin, flush=True)
+            print(number, file=child.stdin, flush=True)
         answer = child.stdout.readline()
         if not answer:
             raise BenchError("a process that compiles kernels has failed; its error is above.")
@@ -102,7 +106,7 @@ def _compile_in(child: "subprocess.Popen[str]", take: Callable[[], int]) -> Comp
 
 
 def serve(parts: str, folder: str, announces: bool) -> NoReturn:
-    """Compile the parts whose numbers standard input names, and answer each with its ``Compiled`` on standard output.
+    """Compile the parts whose numbers arrive on standard input, and write a ``Compiled`` for each on standard output.
 
     This function never returns: the process ends when its standard input is closed.
 
@@ -115,13 +119,13 @@ def serve(parts: str, folder: str, announces: bool) -> NoReturn:
         COMPILATION.silence()
     release = share_cache(Path(folder))
     module, _, name = parts.partition(":")
-    made: Sequence[Part] = getattr(importlib.import_module(module), name)()
+    all_parts: Sequence[Part] = getattr(importlib.import_module(module), name)()
     answers = os.dup(sys.stdout.fileno())
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # parts may print
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what parts print must not mix with the answers
     numbers: SimpleQueue[int] = SimpleQueue()
     Thread(target=_read_numbers, args=(numbers,), daemon=True).start()
     while True:
-        compiled = compile_here([made[numbers.get()]])
+        compiled = compile_here([all_parts[numbers.get()]])
         release()
         os.write(answers, f"{json.dumps(compiled)}\n".encode())
 

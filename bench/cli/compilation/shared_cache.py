@@ -19,12 +19,12 @@ POLL_SECONDS = 0.01
 
 
 def share_cache(folder: Path) -> Callable[[], None]:
-    """Let this process share numba's cache with others that call this function with the same folder.
+    """Let this process share numba's cache with other processes that pass the same folder.
 
     Before a process compiles a kernel for a combination of types, it locks a file in ``folder``. Other processes wait,
     and then load the kernel instead of compiling it again. Only one process at a time adds to an index: numba rewrites
-    the whole index of a function for each new combination of types, so entries that two processes add at once would be
-    lost, or name the same file.
+    the whole index of a function for each new combination of types, so if two processes
+    added entries at once, an entry would be lost, or both would name the same file.
 
     Args:
         folder: an existing folder for the lock files.
@@ -37,7 +37,7 @@ def share_cache(folder: Path) -> Callable[[], None]:
     load, save = caches.load_overload, caches.save_overload
 
     def load_or_claim(cache: Any, types: Any, context: Any) -> Any:
-        claim = folder / _name(cache, types)
+        claim = folder / _lock_name(cache, types)
         loaded = load(cache, types, context)
         if loaded is not None or claim in claims:
             return loaded
@@ -53,9 +53,9 @@ def share_cache(folder: Path) -> Callable[[], None]:
         return loaded
 
     def save_and_release(cache: Any, types: Any, data: Any) -> None:
-        with _locked(folder / _name(cache, "index")):
+        with _locked(folder / _lock_name(cache, "index")):
             save(cache, types, data)
-        if descriptor := claims.pop(folder / _name(cache, types), None):
+        if descriptor := claims.pop(folder / _lock_name(cache, types), None):
             os.close(descriptor)
 
     def release() -> None:
@@ -66,12 +66,13 @@ def share_cache(folder: Path) -> Callable[[], None]:
     return release
 
 
-def _name(cache: Any, types: Any) -> str:
+def _lock_name(cache: Any, types: Any) -> str:
     """Return the name of the lock file of a kernel, or of the index of its function."""
     return hashlib.sha256(f"{cache._cache_file._index_path} {types}".encode()).hexdigest()
 
 
 def _lock_in_time(descriptor: int) -> bool:
+    """Lock a file; return False if another process holds the lock for ``MAX_WAIT_SECONDS``."""
     deadline = time.monotonic() + MAX_WAIT_SECONDS
     while True:
         try:
@@ -86,6 +87,7 @@ def _lock_in_time(descriptor: int) -> bool:
 
 @contextmanager
 def _locked(file: Path) -> Iterator[None]:
+    """Hold the lock of a file, which is created if missing."""
     descriptor = os.open(file, os.O_CREAT | os.O_RDWR)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)

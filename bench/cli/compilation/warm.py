@@ -27,7 +27,7 @@ MATRIX_PROBLEMS = ("hard-random-redundant", "hard-counterexample", "hard-disconn
 """Problems without factors."""
 
 DEMANDING_PROBLEMS = ("bodies-table-4-1e4", "bodies-train-10", "hard-tower-100")
-"""Problems on which composite solvers also use methods after their first one."""
+"""Problems on which composite solvers also call methods after their first."""
 
 MAX_ITERATIONS, MAX_SECONDS = 60, 2.0
 """Limits of each solve, except those of demanding problems; compilation time does not count."""
@@ -36,7 +36,7 @@ DEMANDING_SECONDS = 20.0
 """Time limit of each solve of a demanding problem [s]."""
 
 VARIANTS = ("SORprox(form='factors')", "SORprox(step_size='row_sum')")
-"""Options that select other kernels."""
+"""Solvers with options that select other kernels."""
 
 SIMULATIONS: tuple[tuple[Any, ...], ...] = (
     ("funnel(balls=300)", "Moreau(step=5e-3)", 0.1),
@@ -62,7 +62,10 @@ Contacts occur with every stepper and every kind of body.
 """
 
 MAX_PROCESSES = 4
-"""Largest number of processes; with more, the slowest part determines the time. Each takes 0.7 GB of memory."""
+"""Largest number of processes, each of which takes 0.7 GB of memory.
+
+With more processes, the slowest part determines the time.
+"""
 
 
 def warm(
@@ -79,18 +82,18 @@ def warm(
         compiled = compile_here(parts())
     else:
         compiled = compile_in_processes(f"{__name__}:parts", len(parts()), n_processes)
-    done: dict[str, Any] = {
+    result: dict[str, Any] = {
         "compiled": compiled.kernels,
         "compile_seconds": compiled.seconds,
         "seconds": time.perf_counter() - begin,
         "cache": _cache_folder(),
     }
     if as_json:
-        print_json(done)
+        print_json(result)
     elif not quiet:
         print(
-            f"Compiled {done['compiled']} kernels in {done['compile_seconds']:.0f} s "
-            f"({done['seconds']:.0f} s in total); they are cached in {done['cache']}."
+            f"Compiled {result['compiled']} kernels in {result['compile_seconds']:.0f} s "
+            f"({result['seconds']:.0f} s in total); they are cached in {result['cache']}."
         )
 
 
@@ -101,13 +104,13 @@ def parts() -> list[Callable[[], None]]:
     solves = [partial(_solve, name) for name in (*compiled_solvers(), *VARIANTS)]
     simulations = [partial(_simulate, *simulation) for simulation in SIMULATIONS]
     demanding = [
-        partial(_solve_to_the_end, *pair) for pair in product(("Robust", "MomentumFallback"), DEMANDING_PROBLEMS)
+        partial(_solve_to_convergence, *pair) for pair in product(("Robust", "MomentumFallback"), DEMANDING_PROBLEMS)
     ]
     return [*solves, _solve_many, _judge, *demanding, *simulations]
 
 
 def _solve(name: str) -> None:
-    """Solve small problems of every kind."""
+    """Solve small problems of every kind with one solver."""
     from ....problems.contact.solver import Stop
     from ....problems.exchange.catalog import load
     from ....solvers.registry import compiled_solvers, create
@@ -122,7 +125,7 @@ def _solve(name: str) -> None:
 
 
 def _judge() -> None:
-    """Judge zero impulses on problems of every kind under every kind of model."""
+    """Judge zero impulses for problems of every kind under every kind of model."""
     import numpy as np
 
     from ....problems.contact.judge import judge
@@ -137,12 +140,14 @@ def _judge() -> None:
 
 
 def _solve_many() -> None:
+    """Solve small problems of every kind in one call."""
     from ....solvers.composite.small.solve_many import solve_many
 
     solve_many([*PROBLEMS, *MATRIX_PROBLEMS])
 
 
-def _solve_to_the_end(solver: str, problem: str) -> None:
+def _solve_to_convergence(solver: str, problem: str) -> None:
+    """Solve a demanding problem until the solver converges or the time limit is reached."""
     from ....problems.contact.solver import Stop
     from ....problems.exchange.catalog import load
     from ....solvers.registry import create
@@ -151,6 +156,7 @@ def _solve_to_the_end(solver: str, problem: str) -> None:
 
 
 def _simulate(scene: str, stepper: str, duration: float, solver: str | None = None) -> None:
+    """Simulate a scene for a duration [s]."""
     from ...simulation.plan import make_simulation_plan
     from ...simulation.run import simulate
 

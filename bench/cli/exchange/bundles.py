@@ -23,10 +23,10 @@ def bundle(
     The file contains the plan, machines, cases, impulses, and the problems that are not part of Proxbench.
     """
     from ...report.layout.text import print_json
-    from ...runs import bundle as pack
+    from ...runs import bundle as write_bundle
 
     options.check_output_options(quiet, as_json)
-    file = pack(run_dir, output, force=force)
+    file = write_bundle(run_dir, output, force=force)
     if as_json:
         print_json({"file": str(file), "bytes": file.stat().st_size})
     else:
@@ -46,20 +46,20 @@ def rejudge(
     from msgspec import to_builtins
 
     from ...report.layout.text import print_json
-    from ...runs import rejudge as judge_again
+    from ...runs import rejudge as rejudge_bundle
     from ..progress import ProgressBar
 
     options.check_output_options(quiet, as_json)
-    with ProgressBar(not progress or quiet or as_json) as shown:
-        found = judge_again(file, shown.count)
+    with ProgressBar(not progress or quiet or as_json) as bar:
+        verdict = rejudge_bundle(file, bar.count)
     if as_json:
-        print_json({"file": str(file), **to_builtins(found)})
+        print_json({"file": str(file), **to_builtins(verdict)})
     else:
-        for sentence in found.disagreements:
+        for sentence in verdict.disagreements:
             print(sentence)
         if not quiet:
-            print(found.sentence)
-    return int(bool(found.disagreements))
+            print(verdict.sentence)
+    return int(bool(verdict.disagreements))
 
 
 def merge(
@@ -75,16 +75,16 @@ def merge(
     The residuals are recomputed first. All cases of a problem must come from one machine.
     """
     from ...report.layout.text import print_json
-    from ...runs import merge as joined
+    from ...runs import merge as merge_runs
     from ..progress import ProgressBar
 
     options.check_output_options(quiet, as_json)
     missing: list[str] = []
-    with ProgressBar(not progress or quiet or as_json) as shown:
-        made = joined(sources, output, run_id, on_case=shown.count, on_missing=missing.append)
+    with ProgressBar(not progress or quiet or as_json) as bar:
+        merged_run = merge_runs(sources, output, run_id, on_case=bar.count, on_missing=missing.append)
     for sentence in missing:
         print(f"proxbench: {sentence}", file=sys.stderr)
     if as_json:
-        print_json({"run": str(made.folder), "is_finished": made.is_finished, "missing": missing})
+        print_json({"run": str(merged_run.folder), "is_finished": merged_run.is_finished, "missing": missing})
     else:
-        print(made.folder if quiet else made)
+        print(merged_run.folder if quiet else merged_run)

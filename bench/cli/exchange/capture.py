@@ -20,7 +20,7 @@ HEADS = ("step", "laws", "rows", "refused", "own model", "Coulomb", "separation"
 """Columns of the table of judged steps."""
 
 WIDTHS = (6, 5, 5, 7, 9, 7, 10, 10, 0)
-"""Widths of these columns [characters]; the last one is not padded."""
+"""Widths of these columns [characters]; the last column is not padded."""
 
 _simulation = partial(typer.Option, rich_help_panel="Simulation")
 
@@ -43,7 +43,7 @@ def capture(
     Ctrl-C keeps them too.
     """
     from ....problems.capture.sequence import CaptureOptions
-    from ....problems.capture.sequence import capture as simulate
+    from ....problems.capture.sequence import capture as capture_steps
     from ...errors import InterruptedWorkError
     from ...report.layout.text import counted, print_json
 
@@ -61,9 +61,9 @@ def capture(
         if not (quiet or as_json):
             _print_row(row, is_first=len(rows) == 1)
 
-    simulated = CaptureOptions(duration, every, keyframe, seed)
+    capture_options = CaptureOptions(duration, every, keyframe, seed)
     try:
-        summary = simulate(model, output, simulated, force=force, on_step=show)
+        summary = capture_steps(model, output, capture_options, force=force, on_step=show)
     except KeyboardInterrupt:
         raise InterruptedWorkError(f"interrupted; kept {counted(n_kept, 'step')} in {output}.") from None
     if as_json:
@@ -102,6 +102,7 @@ def engine_quality(step: "CapturedStep") -> dict[str, Any]:
 
 
 def _print_row(row: dict[str, Any], is_first: bool) -> None:
+    """Print a judged step as a row of the table, below the heads if it is the first row."""
     if is_first:
         _print_cells(HEADS)
     _print_cells([cell(row[head]) for head in HEADS])

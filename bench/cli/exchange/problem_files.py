@@ -20,7 +20,7 @@ PROBLEM_SUFFIX = ".npz"
 """Suffix of problem files."""
 
 EXPORT_SUFFIXES = {"fclib": ".hdf5", "npz": ".npz", "json": ".json"}
-"""Suffix of the files of each export format."""
+"""Suffix of files in each export format."""
 
 _reading = partial(typer.Option, rich_help_panel="Reading")
 
@@ -40,37 +40,38 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
     from ....problems.exchange.survey import problem_files
     from ...report.layout.text import print_json
 
-    found, broken, code = _apply(sources, problem_files, lambda file, _: _described(file))
+    results, broken, code = _apply(sources, problem_files, lambda file, _: _survey_file(file))
     if as_json:
         # a condition number may be infinite, which JSON cannot represent
         rows = [
-            {key: None if value == float("inf") else value for key, value in asdict(one).items()} | {"engine": engine}
-            for one, engine in found
+            {key: None if value == float("inf") else value for key, value in asdict(survey).items()}
+            | {"engine": engine}
+            for survey, engine in results
         ]
         print_json({"files": rows, "broken": broken})
     else:
-        _print_surveys([one for one, _ in found], [engine for _, engine in found])
+        _print_surveys([survey for survey, _ in results], [engine for _, engine in results])
         _print_broken(broken)
     return code
 
 
-def _described(file: Path) -> tuple["Survey", dict[str, Any] | None]:
-    """Return the survey of a file and the quality of the engine's forces as JSON values (None without engine model)."""
+def _survey_file(file: Path) -> tuple["Survey", dict[str, Any] | None]:
+    """Return the survey of a file and the quality of the engine's forces, None if it has no model."""
     from ....problems.capture.files import has_step, read_step
     from ....problems.exchange.survey import survey
     from .capture import engine_quality
 
-    _refuse_other_sources(file)
-    found = survey(file)
+    _require_problem_file(file)
+    file_survey = survey(file)
     if has_step(file):
         step = read_step(file)
-        return found, {"name": step.engine.name, **engine_quality(step)}
-    if found.own_solution is None:
-        return found, None
-    return found, {"own model": found.own_solution, "Coulomb": found.solution}
+        return file_survey, {"name": step.engine.name, **engine_quality(step)}
+    if file_survey.own_solution is None:
+        return file_survey, None
+    return file_survey, {"own model": file_survey.own_solution, "Coulomb": file_survey.solution}
 
 
-def _refuse_other_sources(file: Path) -> None:
+def _require_problem_file(file: Path) -> None:
     """Raise ``ProblemError`` for the name of a problem of the library, or the file of a simulation."""
     from ....problems.errors import ProblemError
     from ....problems.exchange.catalog import problem_names
@@ -125,8 +126,8 @@ def import_files(
             save_problem(problem, targets[file])
         return str(targets[file]), problem.digest
 
-    found, broken, code = _apply(sources, files_of, convert)
-    _print_written(dict(found), broken, quiet, as_json)
+    written, broken, code = _apply(sources, files_of, convert)
+    _print_written(dict(written), broken, quiet, as_json)
     return code
 
 
@@ -199,26 +200,26 @@ def _reader(
 
 
 def _apply(
-    sources: Sequence[Path], files_of: Callable[[Path], Any], act: Callable[[Path, Path], Any]
+    sources: Sequence[Path], files_of: Callable[[Path], Any], function: Callable[[Path, Path], Any]
 ) -> tuple[list[Any], list[str], int]:
-    """Apply ``act`` to each file and its source; return results, messages for failed files, and the exit code.
+    """Apply ``function`` to each file and its source; return results, messages for failed files, and the exit code.
 
     Raises:
         ProblemError: if the only file named on the command line fails, or a folder has no file.
     """
     from ....problems.errors import ProblemError
 
-    found, broken, code = [], [], 0
+    results, broken, code = [], [], 0
     for source in sources:
         for file in files_of(source):
             try:
-                found.append(act(file, source))
+                results.append(function(file, source))
             except ProblemError as error:
                 if file == source and len(sources) == 1:
                     raise
                 broken.append(options.with_option_names(str(error)))
                 code = max(code, 2 if file == source else 1)
-    return found, broken, code
+    return results, broken, code
 
 
 def _import_targets(
@@ -237,8 +238,8 @@ def _import_targets(
     targets = {}
     for source in sources:
         for file in files_of(source):
-            place = file.relative_to(source) if source.is_dir() else Path(file.name)
-            targets[file] = output if is_file else output / place.with_suffix(PROBLEM_SUFFIX)
+            path = file.relative_to(source) if source.is_dir() else Path(file.name)
+            targets[file] = output if is_file else output / path.with_suffix(PROBLEM_SUFFIX)
     _check_targets(list(targets.values()), [str(file) for file in targets], is_file)
     check_writable(targets.values(), force)
     return targets
@@ -263,22 +264,25 @@ def _is_file(output: Path, suffix: str) -> bool:
 
 
 def _check_targets(targets: Sequence[Path], sources: Sequence[str], is_file: bool) -> None:
+    """Raise ``BenchError`` if several sources have the same target."""
     from ...errors import BenchError
 
     if is_file and len(sources) > 1:
         raise BenchError(f"{targets[0]} is one file for {len(sources)} problems; name a folder with --output.")
-    first: dict[Path, str] = {}
+    sources_by_target: dict[Path, str] = {}
     for target, source in zip(targets, sources, strict=True):
-        if target in first:
-            raise BenchError(f"{first[target]} and {source} would both be written to {target}; write one at a time.")
-        first[target] = source
+        if target in sources_by_target:
+            raise BenchError(
+                f"{sources_by_target[target]} and {source} would both be written to {target}; write one at a time."
+            )
+        sources_by_target[target] = source
 
 
-def _print_surveys(found: Sequence["Survey"], engines: Sequence[dict[str, Any] | None]) -> None:
+def _print_surveys(surveys: Sequence["Survey"], engines: Sequence[dict[str, Any] | None]) -> None:
     """Print a table, with the file names in the last column because they may be long."""
     from .capture import cell
 
-    tracks = ("own model", "Coulomb") if any(engines) else ()
+    residual_names = ("own model", "Coulomb") if any(engines) else ()
     heads = (
         "form",
         "contacts",
@@ -291,43 +295,43 @@ def _print_surveys(found: Sequence["Survey"], engines: Sequence[dict[str, Any] |
         "cond.",
         "guesses",
         "solution",
-        *tracks,
+        *residual_names,
         "file",
     )
     rows = [
         (
-            one.form,
-            str(one.contacts),
-            str(one.joints),
-            str(one.rows),
-            "–" if one.rank is None else str(one.rank),
-            _range(one.friction),
-            "–" if one.rolling_friction is None else _range(one.rolling_friction),
-            f"{one.asymmetry:.1e}" if one.asymmetry else "0",
-            f"{one.conditioning:.3g}",
-            str(one.guesses or "–"),
-            "–" if one.solution is None else f"{one.solution:.1e}",
-            *("–" if engine is None else cell(engine[track]) for track in tracks),
-            one.file,
+            survey.form,
+            str(survey.contacts),
+            str(survey.joints),
+            str(survey.rows),
+            "–" if survey.rank is None else str(survey.rank),
+            _range_text(survey.friction),
+            "–" if survey.rolling_friction is None else _range_text(survey.rolling_friction),
+            f"{survey.asymmetry:.1e}" if survey.asymmetry else "0",
+            f"{survey.conditioning:.3g}",
+            str(survey.guesses or "–"),
+            "–" if survey.solution is None else f"{survey.solution:.1e}",
+            *("–" if engine is None else cell(engine[name]) for name in residual_names),
+            survey.file,
         )
-        for one, engine in zip(found, engines, strict=True)
+        for survey, engine in zip(surveys, engines, strict=True)
     ]
     if not rows:
         return
     widths = [max(len(line[column]) for line in (heads, *rows)) for column in range(len(heads) - 1)]
     for line in (heads, *rows):
-        cells = [f"{cell:>{width}}" for cell, width in zip(line, widths, strict=False)]
+        cells = [f"{text:>{width}}" for text, width in zip(line, widths, strict=False)]
         print("  ".join([f"{line[0]:<{widths[0]}}", *cells[1:], line[-1]]))
     print(
         "\nrank: estimated; asymmetry: of W or M, over its largest entry; cond.: largest of the contacts' blocks of G; "
         "solution: judged residual of the stored impulses"
     )
-    if tracks:
+    if residual_names:
         print("own model: residual of the engine's forces in the model that it solves; Coulomb: judged residual")
 
 
-def _range(ends: tuple[float, float]) -> str:
-    return f"{ends[0]:g}" if ends[0] == ends[1] else "{:g}…{:g}".format(*ends)
+def _range_text(bounds: tuple[float, float]) -> str:
+    return f"{bounds[0]:g}" if bounds[0] == bounds[1] else "{:g}…{:g}".format(*bounds)
 
 
 def _print_written(digests: dict[str, str], broken: Sequence[str], quiet: bool, as_json: bool) -> None:

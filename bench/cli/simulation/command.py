@@ -10,11 +10,13 @@ from .. import options
 from ..report import report_run
 
 _PLAN_ARGUMENTS = ("stepper", "tolerance", "max_iterations", "start", "states", "step_seconds")
+"""Options that are arguments of ``make_simulation_plan`` under the same name."""
 
 _LIMITS = ("solve_seconds", "case_seconds")
-"""Options that only a study has."""
+"""Options that apply only to a study."""
 
 _NOT_IN_A_STUDY = {*_PLAN_ARGUMENTS, "recording", "chart", "force"} - {"start"}
+"""Options that apply only to a single simulation."""
 
 _STORED = ("scene", "solver", "duration", "start", *_LIMITS)
 """Parameters that are stored with a study."""
@@ -73,7 +75,7 @@ def simulate(
     """
     from .show import Request, run_simulation
 
-    _refuse_contradictions(context)
+    _require_consistent_options(context)
     options.check_output_options(quiet, as_json)
     if study or (resume is not None and resume.is_dir()):
         return _run_study(context, quiet, as_json, progress)
@@ -93,20 +95,20 @@ def _run_study(context: typer.Context, quiet: bool, as_json: bool, progress: boo
     from ...simulation.starts import DEFAULT_START
     from ..progress import RunProgress
 
-    given = context.params
-    with RunProgress(not progress or quiet or as_json) as shown:
-        if given["resume"] is not None:
-            _require_study(given["resume"])
-            made = runs.resume(given["resume"], on_event=shown)
+    arguments = context.params
+    with RunProgress(not progress or quiet or as_json) as bar:
+        if arguments["resume"] is not None:
+            _require_study(arguments["resume"])
+            measured_study = runs.resume(arguments["resume"], on_event=bar)
         else:
-            changed = {name: given[name] for name in _LIMITS if given[name] is not None}
+            changed = {name: arguments[name] for name in _LIMITS if arguments[name] is not None}
             limits = replace(DEFAULTS, **changed)
-            scene, solvers, duration = given["scene"], given["solver"] or (), given["duration"]
-            start = given["start"] or DEFAULT_START
-            made = runs.study(
-                scene, solvers, given["output"], limits=limits, on_event=shown, duration=duration, start=start
+            scene, solvers, duration = arguments["scene"], arguments["solver"] or (), arguments["duration"]
+            start = arguments["start"] or DEFAULT_START
+            measured_study = runs.study(
+                scene, solvers, arguments["output"], limits=limits, on_event=bar, duration=duration, start=start
             )
-    return report_run(made, True, quiet, as_json)
+    return report_run(measured_study, True, quiet, as_json)
 
 
 def _require_study(folder: Path) -> None:
@@ -121,7 +123,7 @@ def _require_study(folder: Path) -> None:
         )
 
 
-def _refuse_contradictions(context: typer.Context) -> None:
+def _require_consistent_options(context: typer.Context) -> None:
     """Raise ``BenchError`` if options of ``simulate`` contradict each other."""
     from ....problems.motion.scenes.registry import SCENES
     from ...errors import BenchError
@@ -144,6 +146,6 @@ def _refuse_contradictions(context: typer.Context) -> None:
     if resume is not None:
         if is_study:
             options.require_absent(_STORED, given, "is stored with the study and cannot be changed")
-        writes_more = {"recording", "chart"} & given  # which --force may replace
-        own_place = "has no effect with --resume, which writes to the resumed file"
-        options.require_absent(("output",) if writes_more else ("output", "force"), given, own_place)
+        other_outputs = {"recording", "chart"} & given  # --force may replace these files
+        reason = "has no effect with --resume, which writes to the resumed file"
+        options.require_absent(("output",) if other_outputs else ("output", "force"), given, reason)

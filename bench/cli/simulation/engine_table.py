@@ -11,7 +11,7 @@ NO_VALUE = "–"
 
 
 def comparison_tables(comparison: Comparison) -> str:
-    """Return one table per scene, with the best setting of each engine in bold, and the differences of the models."""
+    """Return one table per scene, with the best setting of each engine in bold, and notes on the measurement."""
     scenes = dict.fromkeys(run.scene for run in comparison.measurements)
     tables = [f"## {scene}\n\n{_scene_table(comparison, scene)}" for scene in scenes]
     return "\n".join([*tables, _notes(comparison)])
@@ -23,8 +23,8 @@ def _scene_table(comparison: Comparison, scene: str) -> str:
     rows = []
     for engine in comparison.versions:
         best = comparison.best(scene, engine)
-        own = {run.setting: run for run in runs if run.engine == engine}
-        in_order = (own[setting.name] for setting in ENGINES[engine].settings if setting.name in own)
+        by_setting = {run.setting: run for run in runs if run.engine == engine}
+        in_order = (by_setting[setting.name] for setting in ENGINES[engine].settings if setting.name in by_setting)
         rows += [_row(run, description.errors, run is best) for run in in_order]
     times, residual_heads = ("wall [ms/s]", "processor [ms/s]"), ("own model", "Coulomb", "Robust")
     head = ("engine", "setting", "Δt [ms]", *times, *description.errors, *residual_heads)

@@ -33,8 +33,8 @@ class Request:
         duration: simulated time [s].
         output: result file, or its folder.
         force: replace files that exist.
-        resume: result file to resume.
-        record: recording to write.
+        resume: result file to resume; None to start a new simulation.
+        record: recording to write, if any.
         chart: chart to write; None for the default of the scene.
     """
 
@@ -49,12 +49,12 @@ class Request:
 
 
 def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool) -> int:
-    """Run the simulation, print its tables, and draw it; return its exit code, see ``_outcome``.
+    """Run the simulation, print its tables, and draw it; return its exit code, see ``_exit_code``.
 
     Raises:
         BenchError: if the arguments contradict each other, or a file cannot be written.
         FailedSimulationError: if a step failed; everything else is printed and drawn first.
-        InterruptedSimulationError: if it was stopped.
+        InterruptedSimulationError: if the simulation was interrupted.
     """
     simulation = _start_or_resume(request)
     live = LiveSummary(Console(stderr=True), hidden=not progress or quiet or as_json)
@@ -68,7 +68,7 @@ def run_simulation(request: Request, as_json: bool, quiet: bool, progress: bool)
 
 
 def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) -> int:
-    """Print the tables of a stored simulation, and draw and record it; return its exit code, see ``_outcome``.
+    """Print the tables of a stored simulation, and draw and record it; return its exit code, see ``_exit_code``.
 
     With ``quiet``, a message on standard error explains a code of 1.
 
@@ -84,17 +84,17 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
         print_simulation(simulation, console)
         console.print()
     # write these files last, because this is slow and may fail
-    for what, path in _files(simulation, file):
-        console.print(f"{what:<8}{path}", soft_wrap=True, highlight=False)
-    code = _outcome(simulation)
+    for kind, path in _files(simulation, file):
+        console.print(f"{kind:<8}{path}", soft_wrap=True, highlight=False)
+    code = _exit_code(simulation)
     if code and quiet:
-        by_scene, unsolved = simulation.scene_ending, int(simulation.unsolved.sum())
+        scene_ending, unsolved = simulation.scene_ending, int(simulation.unsolved.sum())
         missed = f"{unsolved} of {simulation.n_steps} steps miss the tolerance, as judged"
-        print(f"proxbench: {missed if unsolved or by_scene is None else by_scene.sentence}.", file=sys.stderr)
+        print(f"proxbench: {missed if unsolved or scene_ending is None else scene_ending.sentence}.", file=sys.stderr)
     return code
 
 
-def _outcome(simulation: Simulation) -> int:
+def _exit_code(simulation: Simulation) -> int:
     """Return 1 if the judge found a step unsolved, or the scene ended without success, else 0.
 
     Raises:
@@ -102,8 +102,8 @@ def _outcome(simulation: Simulation) -> int:
     """
     if simulation.failure is not None:
         raise simulation.failure.error(simulation.file)
-    by_scene = simulation.scene_ending
-    return int(simulation.unsolved.any() or (by_scene is not None and not by_scene.is_success))
+    scene_ending = simulation.scene_ending
+    return int(simulation.unsolved.any() or (scene_ending is not None and not scene_ending.is_success))
 
 
 def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> int:
@@ -131,7 +131,7 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
         if quiet:
             raise
         print(f"proxbench: {options.with_option_names(str(error))}", file=sys.stderr)
-    return _outcome(simulation)
+    return _exit_code(simulation)
 
 
 def record_simulation(file: Path, recording: Path, force: bool) -> None:
@@ -144,12 +144,13 @@ def record_simulation(file: Path, recording: Path, force: bool) -> None:
 
 
 def _start_or_resume(request: Request) -> Simulation:
+    """Return the simulation to advance, with its output files."""
     if request.resume is not None:
         given = {**({"scene": request.scene} if request.scene else {}), **request.plan_arguments}
         simulation = resumable_simulation(request.resume, given, request.duration)
         stored = simulation.outputs
         simulation.outputs = choose_outputs(stored, request.chart, request.record, request.force)
-        if simulation.outputs != stored:  # not written later if no steps remain
+        if simulation.outputs != stored:  # if no steps remain, nothing else writes the result
             write_simulation(simulation, request.resume)
         if simulation.is_finished:
             print(f"proxbench: {request.resume} is finished already; nothing was simulated.", file=sys.stderr)
@@ -179,6 +180,7 @@ def _files(simulation: Simulation, file: Path) -> Iterator[tuple[str, str | Path
 
 
 def _record(simulation: Simulation, file: Path, force: bool) -> None:
+    """Write the recording of a simulation."""
     from ...recordings.replay import record_stored  # rerun takes a second to import
 
     scene = simulation.plan.scene

@@ -43,56 +43,62 @@ def statics(
     from ...report.layout.text import print_json
 
     options.check_output_options(quiet, as_json)
-    built = local_or_remote_scene(scene)
-    problem = problem_at_rest(built.system, built.start, margin)
-    found = find_equilibrium(problem)
+    loaded_scene = local_or_remote_scene(scene)
+    problem = problem_at_rest(loaded_scene.system, loaded_scene.start, margin)
+    equilibrium = find_equilibrium(problem)
     row: dict[str, Any] = {
         "scene": scene,
         "contacts": problem.n_contacts,
-        "can_stand": found.can_stand,
-        "imbalance": found.imbalance,
-        "mechanism": "" if found.can_stand else mechanism_text(problem, found.mechanism),
+        "can_stand": equilibrium.can_stand,
+        "imbalance": equilibrium.imbalance,
+        "mechanism": "" if equilibrium.can_stand else mechanism_text(problem, equilibrium.mechanism),
     }
-    direction = _direction(built, push)
+    direction = _push_direction(loaded_scene, push)
     if direction is not None:
-        row |= _push(problem, *direction)
+        row |= _largest_push(problem, *direction)
     if friction:
-        least = least_friction(problem)
-        row["least_friction"] = least if np.isfinite(least) else None
+        coefficient = least_friction(problem)
+        row["least_friction"] = coefficient if np.isfinite(coefficient) else None
     if as_json:
         print_json(row)
     elif not quiet:
-        is_loose = not problem.n_contacts and not margin and isinstance(built.system, HasMargin)
-        print(_sentence(row) + (f"; {MARGIN_HINT}" if is_loose else ""))
-    return int(not found.can_stand)
+        has_no_contacts = not problem.n_contacts and not margin and isinstance(loaded_scene.system, HasMargin)
+        print(_sentence(row) + (f"; {MARGIN_HINT}" if has_no_contacts else ""))
+    return int(not equilibrium.can_stand)
 
 
-def _direction(scene: "Scene", given: str | None) -> "tuple[FloatArray, FloatArray] | None":
-    """Return the direction of the push and the velocities of bodies that move along it; None without a push."""
+def _push_direction(scene: "Scene", push: str | None) -> "tuple[FloatArray, FloatArray] | None":
+    """Return the direction of the push and the velocities of bodies that move along it.
+
+    Without ``push``, the direction is x, or None if the bodies are neither balls nor rigid bodies.
+
+    Raises:
+        BenchError: if ``push`` is not a direction of the scene's dimension, or cannot apply to its bodies.
+    """
     from ....problems.motion.bodies.balls import BallSystem
     from ...errors import BenchError
 
     bodies = scene.balls or scene.bodies
     if bodies is None:
-        if given is None:
+        if push is None:
             return None
         raise BenchError(
             f"the bodies of {scene.name} are neither balls nor rigid bodies, so their axes are not known; omit --push."
         )
     dimension = bodies.dimension if isinstance(bodies, BallSystem) else 3
-    words = ["1", *["0"] * (dimension - 1)] if given is None else given.split(",")
+    words = ["1", *["0"] * (dimension - 1)] if push is None else push.split(",")
     try:
         direction = np.array([float(word) for word in words])
     except ValueError:
         direction = np.zeros(0)
     if direction.shape != (dimension,) or not np.isfinite(direction).all() or not direction.any():
         raise BenchError(
-            f"--push must be {dimension} numbers, not all zero, like 1{',0' * (dimension - 1)}; got {given!r}."
+            f"--push must be {dimension} numbers, not all zero, like 1{',0' * (dimension - 1)}; got {push!r}."
         )
     return direction, bodies.translation(direction)
 
 
-def _push(problem: "ContactProblem", direction: "FloatArray", velocity: "FloatArray") -> dict[str, Any]:
+def _largest_push(problem: "ContactProblem", direction: "FloatArray", velocity: "FloatArray") -> dict[str, Any]:
     """Return the largest push as JSON values; an infinite one is ``None``."""
     from ....problems.motion.equilibrium import largest_push
 
@@ -107,17 +113,19 @@ def _sentence(row: dict[str, Any]) -> str:
         share = f"{100.0 * row['imbalance']:.3g} %"
         parts = [f"cannot stand: bodies accelerate at {share} of the free acceleration", row["mechanism"]]
     if row["can_stand"] and "push" in row:
-        along = ",".join(f"{number:g}" for number in row["push"])
-        parts.append(f"it bears {_size(row['largest_push'])} along {along}")
+        direction = ",".join(f"{number:g}" for number in row["push"])
+        parts.append(f"it bears {_push_text(row['largest_push'])} along {direction}")
     if "least_friction" in row:
-        least = row["least_friction"]
+        coefficient = row["least_friction"]
         parts.append(
-            "no friction coefficient suffices" if least is None else f"it needs a friction coefficient of {least:.6g}"
+            "no friction coefficient suffices"
+            if coefficient is None
+            else f"it needs a friction coefficient of {coefficient:.6g}"
         )
     return f"{row['scene']} {'; '.join(parts)}"
 
 
-def _size(push: float | None) -> str:
+def _push_text(push: float | None) -> str:
     if push is None:
         return "any push"
     return f"a push of up to {push:.4g} of its weight" if push > MIN_PUSH else "no push"

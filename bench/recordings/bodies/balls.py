@@ -98,8 +98,8 @@ class BallRecorder(SceneRecorder):
         yield IMPULSES, rr.Arrows3D.from_fields(radii=[0.09 * radius], show_labels=False)
 
     def _bodies(self, state: State) -> Entities:
-        spins = 0.5 * (self._spins(self._last.velocity) + self._spins(state.velocity))
-        self._orientations = turned(self._orientations, spins, state.time - self._last.time)
+        spins = 0.5 * (self._spins(self._last_state.velocity) + self._spins(state.velocity))
+        self._orientations = turned(self._orientations, spins, state.time - self._last_state.time)
         centres = self._in_space(state)
         for index, members in enumerate(self._layers):
             scales = None if self._scales is None else self._scales[members]
@@ -113,14 +113,14 @@ class BallRecorder(SceneRecorder):
             return [(IMPULSES, NO_IMPULSES)]
         pieces = contacts.directions
         assert isinstance(pieces, Pieces)  # true for all ball systems
-        first = pieces.starts[:-1]
-        axes = in_space(pieces.values[first][:, :, : system.dimension])
+        first_chunks = pieces.starts[:-1]
+        axes = in_space(pieces.values[first_chunks][:, :, : system.dimension])
         vectors = np.einsum("cl,clx->cx", step.impulses.reshape(pieces.n_blocks, pieces.width), axes)
-        balls = pieces.chunks[first]
+        balls = pieces.chunks[first_chunks]
         points = self._in_space(step.state)[balls] - system.radii[balls, None] * axes[:, 0]
-        shown = vectors.any(axis=1)
-        lengths = ARROW_RADII * system.radii[balls[shown]]
-        return [(IMPULSES, arrows(vectors[shown], points[shown], states[shown], lengths, self._reference))]
+        is_loaded = vectors.any(axis=1)
+        lengths = ARROW_RADII * system.radii[balls[is_loaded]]
+        return [(IMPULSES, arrows(vectors[is_loaded], points[is_loaded], states[is_loaded], lengths, self._reference))]
 
     def _spins(self, velocity: FloatArray) -> FloatArray:
         """Return angular velocities in space [rad/s], shape (n, 3); discs turn from x to z, thus about −y."""

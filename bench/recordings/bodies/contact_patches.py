@@ -19,20 +19,20 @@ def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: St
     Args:
         pairs: both bodies of each contact, shape (n, 2).
         points: positions of the contacts [m], shape (n, 3).
-        normals: their normals, shape (n, 3).
-        states: their states, shape (n,).
+        normals: unit normals of the contacts, shape (n, 3).
+        states: states of the contacts, shape (n,).
     """
     _, patch = np.unique(pairs, axis=0, return_inverse=True)
     order = np.lexsort((_angles(patch, points, normals), patch))
     ends = np.flatnonzero(np.diff(patch[order])) + 1
-    strips, shown_states = [], []
+    strips, patch_states = [], []
     for members in np.split(order, ends):
         if len(members) > 1:
             strips.append(points[np.append(members, members[0])])
-            shown_states.append(
+            patch_states.append(
                 ContactState.STICK if (states[members] == ContactState.STICK).any() else ContactState.SLIP
             )
-    return rr.LineStrips3D(strips, class_ids=shown_states)
+    return rr.LineStrips3D(strips, class_ids=patch_states)
 
 
 def _angles(patch: IntArray, points: FloatArray, normals: FloatArray) -> FloatArray:

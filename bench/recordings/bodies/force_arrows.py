@@ -19,6 +19,8 @@ NO_FORCES = (np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0, dtype=
 
 @dataclass(frozen=True, eq=False)
 class _StepForces:
+    """Arguments of ``ForceArrows.add`` for one step."""
+
     number: int
     vectors: FloatArray
     points: FloatArray

@@ -52,13 +52,13 @@ def joint_shapes(joints: RigidJoints, poses: FloatArray, radius: float) -> Entit
 
 
 def joint_points(joint: Joint, poses: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-    """Return, for each body of a joint, its point [m], shape (3,), and the rotation of its axes, shape (3, 3)."""
-    placed = []
+    """Return the point of a joint on each of its two bodies [m], shape (3,), and the body's rotation matrix."""
+    points = []
     for body, point in ((joint.first, joint.first_point), (joint.second, joint.second_point)):
         pose = np.array([0.0, 0.0, 0.0, *IDENTITY]) if body == WORLD else poses[body]
         rotation = rotation_matrices(pose[None, 3:])[0]
-        placed.append((pose[:3] + rotation @ point, rotation))
-    return placed
+        points.append((pose[:3] + rotation @ point, rotation))
+    return points
 
 
 def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArray:
@@ -76,11 +76,12 @@ def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArra
     numbers = contacts.keys - first_key
     owners = np.where(numbers < n_joints, numbers, (numbers - n_joints) // 2)
     columns = np.repeat(np.arange(directions.shape[1]), np.diff(directions.indptr))
-    joint = contacts.for_rows(owners)[columns]
-    body, axis = np.divmod(directions.indices, 6)
-    bodies = np.array([joint.first for joint in joints.joints])
-    is_force = (joint >= 0) & (axis < 3)
-    is_force[is_force] = body[is_force] == bodies[joint[is_force]]
+    joint_numbers = contacts.for_rows(owners)[columns]
+    body_numbers, axes = np.divmod(directions.indices, 6)
+    first_bodies = np.array([joint.first for joint in joints.joints])
+    is_force = (joint_numbers >= 0) & (axes < 3)
+    is_force[is_force] = body_numbers[is_force] == first_bodies[joint_numbers[is_force]]
     impulses = np.zeros((n_joints, 3))
-    np.add.at(impulses, (joint[is_force], axis[is_force]), (directions.data * step.impulses[columns])[is_force])
+    values = (directions.data * step.impulses[columns])[is_force]
+    np.add.at(impulses, (joint_numbers[is_force], axes[is_force]), values)
     return impulses

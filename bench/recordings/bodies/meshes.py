@@ -77,9 +77,10 @@ def surface_meshes(surfaces: Sequence[Surface], top: float, width: float, dimens
 
 
 def _segment_mesh(segment: Segment, top: float, width: float) -> Mesh:
-    (low, bottom), (high, end) = segment.lower, segment.upper
-    share = min(1.0, (top - bottom) / (end - bottom)) if end > bottom else 1.0
-    ends = np.array([[low, bottom], [low + share * (high - low), bottom + share * (end - bottom)]])
+    """Return the mesh of a cone, or of a planar wall if ``segment.side`` is not 0, up to the height ``top`` [m]."""
+    lower, upper = np.array(segment.lower), np.array(segment.upper)
+    share = min(1.0, (top - lower[1]) / (upper[1] - lower[1])) if upper[1] > lower[1] else 1.0
+    ends = np.array([lower, lower + share * (upper - lower)])
     angle = np.linspace(0.0, 2.0 * np.pi, N_AROUND + 1)
     lines = []
     for radius, height in ends:

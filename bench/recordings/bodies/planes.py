@@ -15,7 +15,7 @@ LEVEL = 0.7
 """Vertical component of the unit normal above which a plane is ground, not a wall."""
 
 LINES = 5
-"""Least number of lines from the middle of the ground to its edge."""
+"""Smallest number of lines from the middle of the ground to its edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Rectangle:
     Attributes:
         rotation: the axes of the plane as columns, its normal last, shape (3, 3).
         origin: a point of the plane [m], shape (3,).
-        low: least coordinates along its first two axes [m], shape (2,).
+        low: smallest coordinates along its first two axes [m], shape (2,).
         high: largest coordinates along these axes [m], shape (2,).
     """
 
@@ -47,10 +47,10 @@ class Rectangle:
         ends, origin = np.array([low, high]), np.array(body.centre)
         corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
         rotation = rotation_matrices(np.array([body.orientation]))[0]
-        placed = ((corners - origin) @ rotation)[:, :2]
+        projected = ((corners - origin) @ rotation)[:, :2]
         if half_width is None:
-            return cls(rotation, origin, placed.min(axis=0), placed.max(axis=0))
-        middle = placed.mean(axis=0)
+            return cls(rotation, origin, projected.min(axis=0), projected.max(axis=0))
+        middle = projected.mean(axis=0)
         return cls(rotation, origin, middle - half_width, middle + half_width)
 
     def mesh(self) -> Mesh:
@@ -70,8 +70,9 @@ class Rectangle:
         return list(self._in_space(np.array(ends)).reshape(-1, 2, 3))
 
     def _in_space(self, points: FloatArray) -> FloatArray:
-        placed: FloatArray = points @ self.rotation[:, :2].T + self.origin
-        return placed
+        """Return points of the plane, given by two coordinates [m], in space [m], shape (n, 3)."""
+        in_space: FloatArray = points @ self.rotation[:, :2].T + self.origin
+        return in_space
 
 
 def grid_spacing(half_width: float) -> float:

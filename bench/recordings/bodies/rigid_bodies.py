@@ -40,6 +40,7 @@ GRID = (150, 170, 200, 90)
 """Colour of the lines on half-spaces."""
 
 OUTLINES, FIXED, PATCHES, JOINT_FORCES = "scene/outlines", "scene/fixed", "scene/patches", "scene/joint_forces"
+"""Entities of the outlines of bodies, fixed bodies, contact patches, and forces of joints."""
 
 DIRECTION = (0.35, -0.86, 0.37)
 """Direction from the bodies to the camera."""
@@ -70,7 +71,7 @@ class RigidRecorder(SceneRecorder):
         for fixed in bounded:
             self._include(fixed.shape, np.array([[*fixed.centre, *fixed.orientation]]))
         self._include_bodies(scene.start)
-        self._is_contained = bool(bounded)
+        self._has_fixed_view = bool(bounded)
 
     @property
     def title(self) -> str:
@@ -111,6 +112,7 @@ class RigidRecorder(SceneRecorder):
             self._include(shape, poses[members])
 
     def _include(self, shape: Shape, poses: FloatArray) -> None:
+        """Include bodies of one shape at ``poses`` (x [m], quaternion), shape (n, 7), in the views."""
         points = shape_points(shape) @ rotation_matrices(poses[:, 3:]).transpose(0, 2, 1) + poses[:, None, :3]
         points = points.reshape(-1, 3)
         self._low, self._high = np.minimum(self._low, points.min(axis=0)), np.maximum(self._high, points.max(axis=0))
@@ -138,8 +140,8 @@ class RigidRecorder(SceneRecorder):
     def _scenery(self) -> Entities:
         for index, (shape, colour) in enumerate(self._groups):
             mesh = shape_mesh(shape, colour)
-            yield f"{BODIES}/{index}", _drawn(mesh)
-            yield f"{OUTLINES}/{index}", _drawn(mesh, GLASS)
+            yield f"{BODIES}/{index}", _mesh_entity(mesh)
+            yield f"{OUTLINES}/{index}", _mesh_entity(mesh, GLASS)
         thickness = max(0.04 * float(np.median(self._radii)), 0.003 * float(np.linalg.norm(self._high - self._low)))
         yield IMPULSES, rr.Arrows3D.from_fields(radii=[thickness], show_labels=False)
         yield JOINT_FORCES, rr.Arrows3D.from_fields(radii=[thickness], colors=[rgb(PALETTE[5])])
@@ -147,47 +149,47 @@ class RigidRecorder(SceneRecorder):
 
     def _bodies(self, state: State) -> Entities:
         poses = self._system.poses(state.position)
-        if not self._is_contained:
+        if not self._has_fixed_view:
             self._include_bodies(state)
         for index, members in enumerate(self._groups.values()):
-            placed = rr.InstancePoses3D(
+            instances = rr.InstancePoses3D(
                 translations=poses[members, :3], quaternions=np.roll(poses[members, 3:], -1, axis=1)
             )
-            yield f"{BODIES}/{index}", placed
-            yield f"{OUTLINES}/{index}", placed
+            yield f"{BODIES}/{index}", instances
+            yield f"{OUTLINES}/{index}", instances
         if self._joints is not None:
             yield from joint_shapes(self._joints, poses, float(self._radii.min()))
 
     def _impulses(self, step: Step, states: States | None) -> Entities:
         contacts, system = step.contacts, self._system
         if contacts is None or states is None or step.problem is None:
-            self._arrows.add(self._number, *NO_FORCES)
+            self._arrows.add(self._step_number, *NO_FORCES)
             return [(PATCHES, NO_PATCHES)]
         poses = system.poses(step.state.position)
-        found = system.contacts_within(poses, REACH * float(self._radii.min()))
-        _, ours, there = np.intersect1d(contacts.keys, system.keys_of(found), return_indices=True)
-        axes = contact_frames(found.normal[there])
+        nearby = system.contacts_within(poses, REACH * float(self._radii.min()))
+        _, in_step, in_nearby = np.intersect1d(contacts.keys, system.keys_of(nearby), return_indices=True)
+        axes = contact_frames(nearby.normal[in_nearby])
         n_linear = system.linear_rows
-        lanes = step.problem.layout.pad(step.impulses)[ours, :n_linear]
+        lanes = step.problem.layout.pad(step.impulses)[in_step, :n_linear]
         vectors = np.einsum("cl,clx->cx", lanes, axes[:, :n_linear])
         size = np.linalg.norm(vectors, axis=1)
-        shown = size > MIN_FORCE * size.max(initial=0.0)
-        there, vectors, held = there[shown], vectors[shown], states[ours][shown]
-        first, points = found.first[there], found.point[there]
-        pairs = np.column_stack([first, found.second[there]])
+        is_drawn = size > MIN_FORCE * size.max(initial=0.0)
+        in_nearby, vectors, drawn_states = in_nearby[is_drawn], vectors[is_drawn], states[in_step][is_drawn]
+        first, points = nearby.first[in_nearby], nearby.point[in_nearby]
+        pairs = np.column_stack([first, nearby.second[in_nearby]])
         radii, origins = self._radii[first], points
         if self._joints is not None:
-            joined = [joint.first for joint in self._joints.joints]
+            joint_bodies = [joint.first for joint in self._joints.joints]
             vectors = np.concatenate([vectors, joint_impulses(self._joints, system.first_joint_key, step)])
             origins = np.concatenate([points, [joint_points(joint, poses)[0][0] for joint in self._joints.joints]])
-            radii = np.append(radii, self._radii[joined])
-        self._arrows.add(self._number, vectors / self._seconds, origins, radii, held)
-        return [(PATCHES, patches(pairs, points, found.normal[there], held))]
+            radii = np.append(radii, self._radii[joint_bodies])
+        self._arrows.add(self._step_number, vectors / self._step_seconds, origins, radii, drawn_states)
+        return [(PATCHES, patches(pairs, points, nearby.normal[in_nearby], drawn_states))]
 
-    def _drawn_last(self) -> Iterable[tuple[int, Entities]]:
+    def _final_entities(self) -> Iterable[tuple[int, Entities]]:
         """Yield the arrows of all steps, whose lengths depend on all forces."""
         for number, vectors, points, states in self._arrows.arrows():
-            if not self._is_contained:
+            if not self._has_fixed_view:
                 for fit in self._fits:
                     fit.include(points + vectors)
             n = len(states)
@@ -197,16 +199,16 @@ class RigidRecorder(SceneRecorder):
             yield number, entities
 
     def _summary(self) -> Entities:
-        """Return the fixed bodies; planes are rectangles behind or under the places that the bodies reach."""
+        """Return the fixed bodies; planes are rectangles behind or below the region that the bodies reach."""
         for index, body in enumerate(self._system.fixed):
             w, x, y, z = body.orientation
             if not isinstance(body.shape, HalfSpace):
-                placed = rr.InstancePoses3D(translations=[body.centre], quaternions=[[x, y, z, w]])
-                yield f"{FIXED}/{index}", _drawn(shape_mesh(body.shape, GLASS[:3]), GLASS)
-                yield f"{FIXED}/{index}", placed
-            elif faces(body, DIRECTION):  # else it hides the bodies
+                instance = rr.InstancePoses3D(translations=[body.centre], quaternions=[[x, y, z, w]])
+                yield f"{FIXED}/{index}", _mesh_entity(shape_mesh(body.shape, GLASS[:3]), GLASS)
+                yield f"{FIXED}/{index}", instance
+            elif faces(body, DIRECTION):  # a half-space that faces away would hide the bodies
                 rectangle = Rectangle.of(body, self._low, self._high, self._width if is_ground(body) else None)
-                yield f"{FIXED}/{index}", _drawn(rectangle.mesh(), GLASS)
+                yield f"{FIXED}/{index}", _mesh_entity(rectangle.mesh(), GLASS)
                 if is_ground(body):
                     lines = rectangle.grid(grid_spacing(self._width))
                     yield f"{FIXED}/{index}/grid", rr.LineStrips3D(lines, colors=[GRID], radii=[5e-4 * self._width])
@@ -221,13 +223,13 @@ def _body_colours(centres: FloatArray, driven_bodies: Sequence[int]) -> list[tup
     is_free[list(driven_bodies)] = False
     heights = np.sort(centres[is_free, 2])
     width = 1e-3 * float(np.linalg.norm(np.ptp(centres[is_free], axis=0)))
-    lower = np.searchsorted(heights, centres[:, 2] - width) / len(heights)
-    colours = [rgb(LAYER_COLOURS[min(int(share * len(LAYER_COLOURS)), len(LAYER_COLOURS) - 1)]) for share in lower]
+    shares = np.searchsorted(heights, centres[:, 2] - width) / len(heights)
+    colours = [rgb(LAYER_COLOURS[min(int(share * len(LAYER_COLOURS)), len(LAYER_COLOURS) - 1)]) for share in shares]
     shades = [lightened(colour) if body % 2 else colour for body, colour in enumerate(colours)]
     return [shade if free else WALL_COLOUR for shade, free in zip(shades, is_free.tolist(), strict=True)]
 
 
-def _drawn(mesh: Mesh, factor: tuple[int, int, int, int] | None = None) -> rr.Mesh3D:
+def _mesh_entity(mesh: Mesh, factor: tuple[int, int, int, int] | None = None) -> rr.Mesh3D:
     """Return a mesh in its own colours or the colour ``factor``; without normals, its faces are flat."""
     corners = mesh.vertices[mesh.triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -84,7 +84,7 @@ def _rings(profile: FloatArray) -> FloatArray:
 
 
 def _revolved(profile: FloatArray) -> FloatArray:
-    """Return the triangles of a surface of revolution, without degenerate ones at its poles, shape (n, 3, 3)."""
+    """Return the triangles of a surface of revolution, without the degenerate ones at its poles, shape (n, 3, 3)."""
     rings = _rings(profile)
     lower, upper = rings[:-1], rings[1:]
     lower_next, upper_next = np.roll(lower, -1, axis=1), np.roll(upper, -1, axis=1)
@@ -94,5 +94,5 @@ def _revolved(profile: FloatArray) -> FloatArray:
     triangles = triangles.reshape(-1, 3, 3)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     size = np.linalg.norm(normals, axis=1)
-    kept: FloatArray = triangles[size > 1e-9 * size.max()]
-    return kept
+    nondegenerate: FloatArray = triangles[size > 1e-9 * size.max()]
+    return nondegenerate

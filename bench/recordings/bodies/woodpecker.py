@@ -19,7 +19,7 @@ from .meshes import planar_orientation
 WOOD, BRASS, FEATHERS = rgb("#b08a5b"), rgb("#d9b45b"), rgb("#2f6f8f")
 CREST, BEAK, BELLY = rgb("#d94f3d"), rgb("#f0c75e"), rgb("#e9e2d0")
 POLE_MARGIN = 0.06
-"""Length of the pole above and below the path of the bird [m]."""
+"""Length of the pole above and below the path of the sleeve [m]."""
 
 ARROW_LENGTH = 0.012
 """Length of the arrow of the toy's weight over ``REFERENCE_SECONDS`` [m]. Lengths grow with the square root
@@ -66,8 +66,8 @@ class WoodpeckerRecorder(SceneRecorder):
         centre = _bird_centre(state.position)
         foot = np.array([toy.SLEEVE_RADIUS, 0.0, height + sleeve * toy.SLEEVE_RADIUS])
         return [
-            (f"{BODIES}/sleeve", _placed(np.array([0.0, 0.0, height]), sleeve)),
-            (f"{BODIES}/bird", _placed(centre, bird)),
+            (f"{BODIES}/sleeve", _pose(np.array([0.0, 0.0, height]), sleeve)),
+            (f"{BODIES}/bird", _pose(centre, bird)),
             (f"{BODIES}/spring", rr.LineStrips3D([_coil(foot, centre)])),
         ]
 
@@ -95,7 +95,8 @@ class WoodpeckerRecorder(SceneRecorder):
         return [("scene/pole", pole)]
 
 
-def _placed(centre: FloatArray, angle: float) -> rr.Transform3D:
+def _pose(centre: FloatArray, angle: float) -> rr.Transform3D:
+    """Return the pose of a body at ``centre`` [m], shape (3,), rotated by ``angle`` [rad] from x to z."""
     return rr.Transform3D(translation=centre, quaternion=rr.Quaternion(xyzw=planar_orientation(angle)))
 
 
@@ -115,12 +116,12 @@ def _contact_points(position: FloatArray) -> FloatArray:
 
 def _coil(start: FloatArray, end: FloatArray, turns: int = 5, radius: float = 1.4e-3) -> FloatArray:
     """Return a spring between two points as a line, shape (n, 3)."""
-    along = np.linspace(0.0, 1.0, 16 * turns + 1)
-    angle = 2.0 * np.pi * turns * along
-    swing = radius * np.minimum(1.0, 6.0 * np.minimum(along, 1.0 - along))
-    coil: FloatArray = start + along[:, None] * (end - start)
-    coil[:, 1] += swing * np.cos(angle)
-    coil[:, 2] += swing * np.sin(angle)
+    shares = np.linspace(0.0, 1.0, 16 * turns + 1)
+    angle = 2.0 * np.pi * turns * shares
+    amplitude = radius * np.minimum(1.0, 6.0 * np.minimum(shares, 1.0 - shares))
+    coil: FloatArray = start + shares[:, None] * (end - start)
+    coil[:, 1] += amplitude * np.cos(angle)
+    coil[:, 2] += amplitude * np.sin(angle)
     return coil
 
 

@@ -50,13 +50,13 @@ def write_drawing(chart: alt.TopLevelMixin, path: Path) -> list[Path]:
     """Write a chart as ``path`` with .svg and with .png; return the files.
 
     Raises:
-        UnwritableError: if they cannot be written.
-        BenchError: if one of them is a link out of its folder.
+        UnwritableError: if the files cannot be written.
+        BenchError: if one of the files is a link out of its folder.
     """
     svg, png = picture_files(path)
     with alt.data_transformers.enable("default", max_rows=None):  # altair limits the rows for web pages
-        drawn = vl_convert.vegalite_to_svg(chart.to_json(validate=False))
-    return [write_file(svg, drawn.encode()), write_file(png, vl_convert.svg_to_png(drawn, scale=PNG_SCALE))]
+        svg_text = vl_convert.vegalite_to_svg(chart.to_json(validate=False))
+    return [write_file(svg, svg_text.encode()), write_file(png, vl_convert.svg_to_png(svg_text, scale=PNG_SCALE))]
 
 
 def compiled(chart: alt.TopLevelMixin) -> dict[str, Any]:
@@ -127,11 +127,11 @@ def log_scale(
         return alt.Scale(type="log", nice=False, padding=8, reverse=reverse)
     values = [*data[list(columns)].min(), *data[list(columns)].max(), *([] if other is None else [other])]
     room = max((max(values) / min(values)) ** 0.03, 1.2)
-    ends = [min(values) / room, max(values) * room]
-    below, above = np.floor(np.log10(ends[0])), np.ceil(np.log10(ends[1]))
+    domain = [min(values) / room, max(values) * room]
+    below, above = np.floor(np.log10(domain[0])), np.ceil(np.log10(domain[1]))
     if has_decades and above - below <= 2.0:  # otherwise two powers of ten are inside
-        ends = [10.0**below, 10.0**above]
-    return alt.Scale(type="log", nice=False, domain=ends, reverse=reverse)
+        domain = [10.0**below, 10.0**above]
+    return alt.Scale(type="log", nice=False, domain=domain, reverse=reverse)
 
 
 def by_name(
@@ -149,10 +149,10 @@ def by_name(
 def solver_legend(styles: Mapping[str, SolverStyle], shown: Iterable[str], has_marks: bool = True) -> alt.Legend:
     """Return a legend to the right of a panel, with the ``shown`` solvers in the order of ``styles``.
 
-    It shows the marks of the panel, or the dashes of its lines if it has no marks.
+    The legend shows the marks of the panel, or the dashes of its lines if it has no marks.
     """
-    drawn = set(shown)
-    values = [name for name in styles if name in drawn]
+    shown_names = set(shown)
+    values = [name for name in styles if name in shown_names]
     columns = math.ceil(len(values) / MAX_LEGEND_ROWS)
     return alt.Legend(
         title=None,

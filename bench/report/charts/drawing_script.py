@@ -28,7 +28,7 @@ def drawing_script() -> str:
     folder cannot be written, the script is not stored.
     """
     file = cache_folder() / "scripts" / f"vega-embed-{metadata.version(LIBRARY)}.js"
-    script = _stored(file)
+    script = _stored_script(file)
     if script is None:
         script = str(vl_convert.javascript_bundle(PROGRAM))
         with suppress(BenchError):
@@ -36,13 +36,13 @@ def drawing_script() -> str:
     return script
 
 
-def _stored(file: Path) -> str | None:
+def _stored_script(file: Path) -> str | None:
     """Return the script in a file; None if the file is missing or its text has changed."""
     try:
-        first, _, script = file.read_bytes().decode().partition("\n")
+        first_line, _, script = file.read_bytes().decode().partition("\n")
     except (OSError, UnicodeDecodeError):
         return None
-    return script if first == f"// {_digest(script)}" else None
+    return script if first_line == f"// {_digest(script)}" else None
 
 
 def _digest(script: str) -> str:

@@ -39,8 +39,8 @@ def solver_styles(names: Iterable[str]) -> dict[str, SolverStyle]:
 def solver_style(index: int) -> SolverStyle:
     """Return the style of solver number ``index`` of a run.
 
-    Neighbours differ in colour, shape and dash. Colours repeat after ten. Shapes and dashes are then shifted by one,
-    because their numbers have common divisors with ten and would also repeat.
+    Neighbours differ in colour, shape and dash. Colours repeat after ten. Shapes are shifted by one after three
+    repetitions, and dashes after two: their numbers have common divisors with ten, so they would also repeat.
     """
     colours, shapes, dashes = len(PALETTE), len(SHAPES), len(DASHES)
     return SolverStyle(

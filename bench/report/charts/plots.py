@@ -14,12 +14,14 @@ def plot_problem(frames: RunFrames, problem: str) -> alt.VConcatChart:
     """Return the charts of time against accuracy and of convergence on a problem; see ``Run.plot``.
 
     Raises:
-        BenchError: if no solver has a finite residual on it.
+        BenchError: if no solver has a finite residual on the problem.
     """
-    own = frames.only([problem])
-    if not has_drawable_rows(own, problem):
+    problem_frames = frames.only([problem])
+    if not has_drawable_rows(problem_frames, problem):
         raise BenchError(f"no solver has a finite residual on {problem}; plot another problem.")
-    return trajectory_chart(own, problem) if own.is_study else problem_chart(own, problem)
+    return (
+        trajectory_chart(problem_frames, problem) if problem_frames.is_study else problem_chart(problem_frames, problem)
+    )
 
 
 def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str = COMMON) -> alt.VConcatChart:
@@ -31,8 +33,8 @@ def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str
     check_view(profiles)
     if frames.is_study:
         raise BenchError(f"{frames.folder} is a study of simulations, which has no profiles; plot one of its problems.")
-    against = baseline_of(frames, baseline)
-    charts = profile_charts(frames, profile_tables(frames, against), against, profiles)
+    reference_solver = baseline_of(frames, baseline)
+    charts = profile_charts(frames, profile_tables(frames, reference_solver), reference_solver, profiles)
     if kind == "families" and kind not in charts:
         raise BenchError(f"{frames.folder} has too few families for their profile; plot one of {', '.join(charts)}.")
     if kind not in charts:
@@ -44,7 +46,7 @@ def plot_curves(frames: RunFrames, problem: str) -> alt.LayerChart:
     """Return the chart of the judged residual over iterations on a problem; see ``bench.plot_convergence``.
 
     Raises:
-        BenchError: if no solver shows its iterates on it.
+        BenchError: if no solver shows its iterates on the problem.
     """
     if not (frames.iterations["problem"] == problem).any():
         solvers = ", ".join(frames.cases["solver"][frames.cases["problem"] == problem])

@@ -105,18 +105,18 @@ def has_drawable_rows(frames: RunFrames, problem: str) -> bool:
 def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     """Return a row of panels for each quantity of a trajectory: wall time, and one-step solves, over the error.
 
-    Bars go from the least to the largest error of a member, or show a standard error of the mean deviation; a dashed
+    Bars go from the smallest to the largest error of a member, or show a standard error of the mean deviation; a dashed
     line is the standard error, over seeds, of the reference itself.
     """
     trajectory, styles = frames.info.plan.trajectory(problem), solver_styles(frames.info.plan.solvers)
     points = frames.points[frames.points["problem"] == problem].merge(
         frames.errors, on=["problem", "solver", "tolerance"], suffixes=("", "_of")
     )
-    least = np.maximum(MIN_SHARE * points["high"], MIN_RESIDUAL)
+    floor_error = np.maximum(MIN_SHARE * points["high"], MIN_RESIDUAL)
     points = points.assign(
         wall=points["total_seconds"],
-        residual=np.maximum(points["error"], least),
-        low=np.maximum(points["low"], least),
+        residual=np.maximum(points["error"], floor_error),
+        low=np.maximum(points["low"], floor_error),
         high=np.maximum(points["high"], MIN_RESIDUAL),
     )
     floors = {quantity: floor for quantity, (_, floor) in reference_statistics(trajectory).items() if floor > 0.0}
@@ -130,7 +130,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
             panel = cost_panel(styles, own, f"{error}, relative", work, legend, floor=floors.get(quantity))
             panels.append(panel.properties(width=WIDTH, height=HEIGHT))
         rows.append(side_by_side(panels, spacing=40))
-    notes = [*run_state(frames), _absent(frames, problem, points), motion_warning(trajectory)]
+    notes = [*run_state(frames), _omission_note(frames, problem, points), motion_warning(trajectory)]
     title = heading(headline(frames.info.plan, problem), notes, 2 * WIDTH + LEGEND_WIDTH)
     return stacked(rows, title, SEPARATE_LEGENDS, spacing=20)
 
@@ -160,7 +160,7 @@ def work_precision(frames: RunFrames, problem: str) -> alt.LayerChart:
     rows, styles = _costs(frames, problem), solver_styles(frames.info.plan.solvers)
     residual = f"{frames.residual} residual (velocity error, relative)"
     panel = cost_panel(styles, rows, residual, "milliseconds", solver_legend(styles, rows["solver"]))
-    return _titled(panel, "What accuracy costs", [COST_NOTE, _absent(frames, problem, rows)])
+    return _titled(panel, "What accuracy costs", [COST_NOTE, _omission_note(frames, problem, rows)])
 
 
 def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
@@ -170,7 +170,7 @@ def convergence(frames: RunFrames, problem: str) -> alt.LayerChart:
     """
     rows, styles = _curves(frames, problem), solver_styles(frames.info.plan.solvers)
     panel = convergence_panel(styles, rows, solver_legend(styles, rows["solver"], has_marks=False))
-    return _titled(panel, "Convergence", [CONVERGENCE_NOTE, _absent(frames, problem, rows)])
+    return _titled(panel, "Convergence", [CONVERGENCE_NOTE, _omission_note(frames, problem, rows)])
 
 
 def cost_panel(
@@ -288,9 +288,9 @@ def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:
     return drawable
 
 
-def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
+def _omission_note(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
     """Return a note on the solvers that are not among the ``shown`` rows, with the reasons; empty if there are none."""
-    with_points = set(_costs(frames, problem)["solver"])
+    measured_solvers = set(_costs(frames, problem)["solver"])
     own = frames.only([problem])
     endings = case_endings(own).set_index(own.cases["solver"])
     reasons: dict[str, list[str]] = {}
@@ -298,7 +298,7 @@ def _absent(frames: RunFrames, problem: str, shown: pd.DataFrame) -> str:
         if solver in set(shown["solver"]):
             continue
         reason = "not measured yet"
-        if solver in with_points:
+        if solver in measured_solvers:
             reason = "no iterates"
         elif solver in endings.index:
             reason = "{outcome}: {reason}".format(**endings.loc[solver])

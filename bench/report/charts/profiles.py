@@ -41,6 +41,7 @@ _TITLES = {
     "accuracy": "Accuracy profile",
     "speedup": "Speed-up",
 }
+"""Titles of charts by kind of profile."""
 
 _NOTES = {
     "performance": "share of problems solved within a ratio to the least time of any solver shown; higher is better",
@@ -48,6 +49,7 @@ _NOTES = {
     "accuracy": "share of problems solved to a residual of at most ε within the time limit",
     "speedup": "time of {} over that of the solver; ticks are problems that both solve, large marks geometric means",
 }
+"""Explanations of charts by kind of profile; that of speed-ups takes the baseline."""
 
 
 def write_profiles(frames: RunFrames, baseline: str, folder: Path, view: str = COMMON) -> list[Path]:
@@ -83,7 +85,7 @@ def profile_charts(
         baseline: reference solver of speed-ups.
         view: one of ``VIEWS``; if no problem is common, the charts show all problems and the title says so.
     """
-    shown = {name: _of_view(table[table["family"] == ALL], view) for name, table in tables.items()}
+    shown = {name: _rows_of_view(table[table["family"] == ALL], view) for name, table in tables.items()}
     solvers = shown["accuracy"]["solver"].unique()
     charts = {}
     for name in (*CURVES, "speedup"):
@@ -92,10 +94,12 @@ def profile_charts(
             levels = [(level, table[table["accuracy"] == level]) for level in profile_accuracies(frames)]
             parts = [(name, f"to a {frames.residual} residual of {exponent(level)}", own) for level, own in levels]
         row = _row(frames, parts, set(table["solver"]))
-        over = [_shares_text(frames, shown["accuracy"], view, table["problems"])] if name in CURVES else []
-        lines = [*over, _NOTES[name].format(baseline)]
-        notes = _with_threads(lines, name, other_threads_note(frames, solvers, baseline if name == "speedup" else ""))
-        charts[name] = _page(frames, _TITLES[name], notes, [row], len(parts))
+        shares_note = [_shares_text(frames, shown["accuracy"], view, table["problems"])] if name in CURVES else []
+        lines = [*shares_note, _NOTES[name].format(baseline)]
+        notes = _with_threads_note(
+            lines, name, other_threads_note(frames, solvers, baseline if name == "speedup" else "")
+        )
+        charts[name] = _titled_chart(frames, _TITLES[name], notes, [row], len(parts))
     families = [name for name in tables["accuracy"]["family"].unique() if name != ALL]
     return charts | ({"families": _families_chart(frames, tables, families, view)} if families else {})
 
@@ -110,63 +114,65 @@ def _families_chart(
     for family in families:
         parts = []
         for name in CURVES:
-            own = _of_view(tables[name][tables[name]["family"] == family], view)
+            own = _rows_of_view(tables[name][tables[name]["family"] == family], view)
             own = own[own["accuracy"] == level] if "accuracy" in own else own
-            of_level = f" to {exponent(level)}" if name != "accuracy" else ""
-            parts.append((name, f"{family}: {_TITLES[name].split()[0].lower()}{of_level}", own))
+            level_text = f" to {exponent(level)}" if name != "accuracy" else ""
+            parts.append((name, f"{family}: {_TITLES[name].split()[0].lower()}{level_text}", own))
         rows.append(_row(frames, parts, set() if rows else set(tables["accuracy"]["solver"])))
     notes = [_FAMILY_VIEWS[view], "; ".join(f"{name}: {_NOTES[name]}" for name in CURVES)]
-    notes = _with_threads(notes, "performance", other_threads_note(frames, tables["accuracy"]["solver"].unique()))
-    return _page(frames, "Profiles by family", notes, rows, len(CURVES))
+    notes = _with_threads_note(notes, "performance", other_threads_note(frames, tables["accuracy"]["solver"].unique()))
+    return _titled_chart(frames, "Profiles by family", notes, rows, len(CURVES))
 
 
-def _with_threads(notes: list[str], name: str, left_out: str) -> list[str]:
-    """Return the notes of a chart with the solvers that its performance profile or speed-ups leave out."""
-    return [*notes[:-1], f"{notes[-1]}; {left_out}"] if left_out and name in ("performance", "speedup") else notes
+def _with_threads_note(notes: list[str], name: str, threads_note: str) -> list[str]:
+    """Return the notes of a chart; append ``threads_note``, if any, to those of performance profiles and speed-ups."""
+    return (
+        [*notes[:-1], f"{notes[-1]}; {threads_note}"] if threads_note and name in ("performance", "speedup") else notes
+    )
 
 
 def _row(frames: RunFrames, parts: list[tuple[str, str, pd.DataFrame]], in_legend: set[str]) -> alt.HConcatChart:
     """Return panels side by side, one per (kind, title, rows), with a legend at the last one."""
     styles = solver_styles(frames.info.plan.solvers)
     panels = [
-        profile_panel(name, styles, rows, in_legend if place == len(parts) - 1 else ()).properties(
+        profile_panel(name, styles, rows, in_legend if index == len(parts) - 1 else ()).properties(
             width=WIDTH, height=alt.Step(ROW) if name == "speedup" else HEIGHT, title=title
         )
-        for place, (name, title, rows) in enumerate(parts)
+        for index, (name, title, rows) in enumerate(parts)
     ]
     return side_by_side(panels, spacing=30)
 
 
-def _of_view(table: pd.DataFrame, view: str) -> pd.DataFrame:
+def _rows_of_view(table: pd.DataFrame, view: str) -> pd.DataFrame:
     """Return the rows of a view, those of all problems if it has none, or all rows of a table without views."""
     if "view" not in table:
         return table
-    own = table[table["view"] == view]
-    return own if len(own) else table[table["view"] == EVERY]
+    rows = table[table["view"] == view]
+    return rows if len(rows) else table[table["view"] == EVERY]
 
 
-def _shares_text(frames: RunFrames, shown: pd.DataFrame, view: str, drawn: "pd.Series[int]") -> str:
+def _shares_text(frames: RunFrames, shown: pd.DataFrame, view: str, n_problems: "pd.Series[int]") -> str:
     """Return the meaning of the shares of a view, for a title.
 
     Args:
         frames: the run.
         shown: accuracy profiles of the view.
         view: one of ``VIEWS``.
-        drawn: number of problems of each row of the chart, from which problems with excluded times are omitted.
+        n_problems: number of problems of each row of the chart, from which problems with excluded times are omitted.
     """
     count, solvers = int(shown["problems"].iloc[0]), shown["solver"].nunique()
     all_problems = counted(frames.cases["problem"].nunique(), "problem")
-    least = int(drawn.min()) if len(drawn) else 0
-    fewer = f"; {least} of them without excluded times" if least < count else ""
+    min_count = int(n_problems.min()) if len(n_problems) else 0
+    fewer = f"; {min_count} of them without excluded times" if min_count < count else ""
     if (shown["view"] == COMMON).all():
         left_out = frames.cases["solver"].nunique() - solvers
         without = f"; without {counted(left_out, 'solver')} that support none" if left_out else ""
         return f"over the {count} of {all_problems} that all {solvers} solvers support{without}{fewer}"
-    none = "no problem is supported by all solvers: " if view == COMMON else ""
-    return f"{none}over all {all_problems}; unsupported ones count as not solved{fewer}"
+    prefix = "no problem is supported by all solvers: " if view == COMMON else ""
+    return f"{prefix}over all {all_problems}; unsupported ones count as not solved{fewer}"
 
 
-def _page(
+def _titled_chart(
     frames: RunFrames, title: str, notes: list[str], rows: list[alt.HConcatChart], columns: int
 ) -> alt.VConcatChart:
     """Return rows of panels under a title, with the state of the run."""
@@ -188,7 +194,7 @@ def profile_panel(name: str, styles: Mapping[str, SolverStyle], data: Any, legen
     """
     if name == "speedup":
         return _speedup_panel(styles, data)
-    shares = f"share of {_counts(data)}" if isinstance(data, pd.DataFrame) else SHARE
+    shares = f"share of {_problems_text(data)}" if isinstance(data, pd.DataFrame) else SHARE
     column, title, scale = {
         "performance": ("ratio", "time relative to the fastest solver", alt.Scale(type="log", nice=False)),
         "data": ("seconds", "time, preparation included [s]", alt.Scale(type="log", nice=False)),
@@ -234,7 +240,7 @@ def _speedup_panel(styles: Mapping[str, SolverStyle], data: Any) -> alt.LayerCha
     return alt.LayerChart(layer=[equal_times, tick, mean])
 
 
-def _counts(rows: pd.DataFrame) -> str:
+def _problems_text(rows: pd.DataFrame) -> str:
     """Return the number of problems that the shares count: ``"5 common problems"``, or "problems" without rows."""
     if rows.empty:
         return "problems"

@@ -44,58 +44,58 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
     The mean is the shifted geometric mean over the problems that all solvers support, with failures at the time limit.
     """
     limit = frames.info.plan.limits.solve_seconds
-    tried = attempts(frames, summary_accuracies(frames))
-    tried["milliseconds"] = 1e3 * tried["seconds"].where(~tried["excluded"])
+    results = attempts(frames, summary_accuracies(frames))
+    results["milliseconds"] = 1e3 * results["seconds"].where(~results["excluded"])
     rows: list[dict[str, Any]] = []
-    for (solver, accuracy), own in tried.groupby(["solver", "accuracy"], sort=False):
+    for (solver, accuracy), own in results.groupby(["solver", "accuracy"], sort=False):
         mean = 1e3 * mean_time(own["seconds"][own["compared"]].to_numpy(), limit)
         reached = f"{own['seconds'].notna().sum()} of {len(own)}"
         rows.append({"solver": solver, "accuracy": accuracy, "milliseconds": mean, "reached": reached})
     means = pd.DataFrame(rows)
-    both = pd.concat([tried[["milliseconds"]], means[["milliseconds"]]]).dropna()
+    both = pd.concat([results[["milliseconds"]], means[["milliseconds"]]]).dropna()
     scale = log_scale(both if len(both) else pd.DataFrame({"milliseconds": [1e3 * limit]}), ["milliseconds"])
     panels = [
-        _time_panel(frames, tried, means, accuracy, scale, has_names=k == 0)
+        _time_panel(frames, results, means, accuracy, scale, has_names=k == 0)
         for k, accuracy in enumerate(means["accuracy"].unique())
     ]
-    common = counted(tried["problem"][tried["common"]].nunique(), "problem")
-    left_out = ", without those with excluded times" if (tried["common"] & ~tried["compared"]).any() else ""
+    common = counted(results["problem"][results["common"]].nunique(), "problem")
+    left_out = ", without those with excluded times" if (results["common"] & ~results["compared"]).any() else ""
     note = (
         f"large marks: shifted geometric mean over the {common} that all these solvers support{left_out}; "
         f"failures count as {duration(limit)}; right: solved and supported problems"
     )
-    return _run_chart("Time to accuracy", note, panels, frames, tried)
+    return _run_chart("Time to accuracy", note, panels, frames, results)
 
 
 def success_chart(frames: RunFrames) -> alt.VConcatChart:
     """Return the chart of the numbers of problems solved to each tolerance by each solver, confirmed and claimed."""
-    tried = attempts(frames, sorted(frames.info.plan.tolerances, reverse=True))
-    tried["tolerance"] = tried["accuracy"].map(exponent)
-    counts = tried.groupby(["solver", "tolerance"], sort=False).agg(
+    results = attempts(frames, sorted(frames.info.plan.tolerances, reverse=True))
+    results["tolerance"] = results["accuracy"].map(exponent)
+    counts = results.groupby(["solver", "tolerance"], sort=False).agg(
         confirmed=("seconds", "count"), claimed=("claimed", "sum"), n=("problem", "size")
     )
     counts = counts.reset_index().assign(all=[f"of {number}" for number in counts["n"]])
     panels: list[alt.LayerChart] = []
-    for column, who, title in (
+    for column, authority, title in (
         ("confirmed", "the judge", f"{frames.residual} residual"),
         ("claimed", "the solver", "tolerance"),
     ):
         across = _columns("tolerance", list(counts["tolerance"].unique()), title)
         cells = counts.assign(share=counts[column] / counts["n"])
         solvers = _rows(counts["solver"].unique(), has_names=not panels, has_lines=False)
-        panel = _heat_panel(cells, across, solvers, {column: 0}, f"{column} by {who}")
+        panel = _heat_panel(cells, across, solvers, {column: 0}, f"{column} by {authority}")
         panel.layer.append(_right_labels(cells.drop_duplicates("solver")).encode(y=solvers, text="all:N"))
         panels.append(panel)
-    return _run_chart("Success", "problems solved, of those that the solver supports", panels, frames, tried)
+    return _run_chart("Success", "problems solved, of those that the solver supports", panels, frames, results)
 
 
 def families_chart(frames: RunFrames) -> alt.VConcatChart:
-    """Return the chart of the share of each family that each solver solves to the summary accuracies, and mean time."""
-    shown, table, names = summary_accuracies(frames), families_table(frames), families(frames)
-    tried = attempts(frames, shown)
+    """Return the chart of the share of each family that each solver solves to each accuracy, with mean times."""
+    accuracies, table, names = summary_accuracies(frames), families_table(frames), families(frames)
+    results = attempts(frames, accuracies)
     across = _columns("family", names, None, angle=-30)
     panels: list[alt.LayerChart] = []
-    for accuracy in shown:
+    for accuracy in accuracies:
         tag = accuracy_tag(accuracy)
         cells = table[["family", "solver"]].assign(
             share=table[f"correct_{tag}"],
@@ -107,19 +107,19 @@ def families_chart(frames: RunFrames) -> alt.VConcatChart:
         )
         title = f"to a {frames.residual} residual of {exponent(accuracy)}"
         width = max(WIDTH, FAMILY_COLUMN * len(names))
-        solvers = _rows(tried["solver"].unique(), has_names=not panels, has_lines=False)
+        solvers = _rows(results["solver"].unique(), has_names=not panels, has_lines=False)
         panels.append(_heat_panel(cells, across, solvers, {"solved": -6, "mean": 7}, title, width))
     note = "solved and supported problems (white: none supported); mean time over those that all solvers support"
-    return _run_chart("Success by family", note, panels, frames, tried)
+    return _run_chart("Success by family", note, panels, frames, results)
 
 
 def _run_chart(
-    title: str, note: str, panels: list[alt.LayerChart], frames: RunFrames, tried: pd.DataFrame
+    title: str, note: str, panels: list[alt.LayerChart], frames: RunFrames, results: pd.DataFrame
 ) -> alt.VConcatChart:
     """Return adjacent panels below a note, the solvers that support no problem, and the state of the run."""
-    absent = [solver for solver in frames.info.plan.solvers if solver not in set(tried["solver"])]
+    absent = [solver for solver in frames.info.plan.solvers if solver not in set(results["solver"])]
     notes = [
-        f"{counted(tried['problem'].nunique(), 'problem')}; {note}",
+        f"{counted(results['problem'].nunique(), 'problem')}; {note}",
         f"not shown: {', '.join(absent)} (no supported problem)" if absent else "",
         *run_state(frames),
     ]
@@ -128,12 +128,12 @@ def _run_chart(
 
 
 def _time_panel(
-    frames: RunFrames, tried: pd.DataFrame, means: pd.DataFrame, accuracy: float, scale: alt.Scale, has_names: bool
+    frames: RunFrames, results: pd.DataFrame, means: pd.DataFrame, accuracy: float, scale: alt.Scale, has_names: bool
 ) -> alt.LayerChart:
     styles = solver_styles(frames.info.plan.solvers)
     colour = by_name(alt.Color, "solver", styles, "colour")
     columns = ["solver", "accuracy", "problem", "milliseconds"]
-    dots, mean = tried[tried["accuracy"] == accuracy][columns], means[means["accuracy"] == accuracy]
+    dots, mean = results[results["accuracy"] == accuracy][columns], means[means["accuracy"] == accuracy]
     rows = _rows(means["solver"].unique(), has_names=has_names, has_lines=True)
     across = alt.X("milliseconds:Q", title=TIME_TITLE, scale=scale).axis(**TIME_AXIS)
     tick = alt.Chart(dots.dropna()).mark_tick(thickness=1.5, height=10, opacity=0.75)
@@ -152,10 +152,10 @@ def _heat_panel(
     """Return shares as coloured cells, with texts that are shifted down by a number of pixels."""
     base = alt.Chart(cells).encode(x=across, y=solvers)
     fill = alt.Color("share:Q", legend=None).scale(domain=[0.0, 1.0], range=[PALE, PALETTE[0]])
-    ink = alt.condition(alt.datum.share > WHITE_TEXT_SHARE, alt.value("white"), alt.value("#222222"))
+    text_colour = alt.condition(alt.datum.share > WHITE_TEXT_SHARE, alt.value("white"), alt.value("#222222"))
     layers = [base.mark_rect(stroke="white", strokeWidth=2).encode(color=fill)]
     for text, shift in texts.items():
-        layers.append(base.mark_text(fontSize=FONT_SIZE, dy=shift).encode(text=f"{text}:N", color=ink))
+        layers.append(base.mark_text(fontSize=FONT_SIZE, dy=shift).encode(text=f"{text}:N", color=text_colour))
     return _panel(layers, title, ROW if len(texts) == 1 else FAMILY_ROW, width)
 
 

@@ -42,7 +42,7 @@ class Comparison:
         scale: factor that divides the times of the second run in the ratios of cases and solvers. It is common to all
             solvers and attributed to the machine.
         changes: one row per solver, problem and accuracy that only one run reaches: change is "solved", "unsolved", or
-            "undecided", see ``find_solved_changes``; reason tells how the other run ended.
+            "undecided", see ``find_solved_changes``; reason describes how the solve ended in the other run.
         slowdown: relative slowdown above which the verdict names a solver.
     """
 
@@ -72,12 +72,14 @@ class Comparison:
     def slower(self, slowdown: float | None = None) -> list[str]:
         """Return solvers, and cases of other solvers, that are significantly slower by more than ``slowdown``."""
         bound = 1.0 + (self.slowdown if slowdown is None else slowdown)
-        return self._named(self.solvers[self.solvers["low"] > bound], self.cases[self.cases["low"] > bound])
+        return self._texts_with_ratios(self.solvers[self.solvers["low"] > bound], self.cases[self.cases["low"] > bound])
 
     def faster(self) -> list[str]:
-        """Return solvers, and cases of others, that were significantly slower before, by more than ``slowdown``."""
+        """Return solvers, and cases of other solvers, that were significantly slower before, by over ``slowdown``."""
         bound = 1.0 / (1.0 + self.slowdown)
-        return self._named(self.solvers[self.solvers["high"] < bound], self.cases[self.cases["high"] < bound])
+        return self._texts_with_ratios(
+            self.solvers[self.solvers["high"] < bound], self.cases[self.cases["high"] < bound]
+        )
 
     def changed(self, change: str) -> pd.DataFrame:
         """Return the rows of ``changes`` of one kind."""
@@ -97,7 +99,7 @@ class Comparison:
         if self.obstacle:
             return f"cannot tell which solvers are slower or faster: {self.obstacle}; {solved}"
         if not self.has_intervals:
-            return f"times are undecided, {self._undecided}; {solved}"
+            return f"times are undecided, {self._undecided_reason}; {solved}"
         return changes or f"no solver is slower or faster by more than {100 * self.slowdown:g} %; {solved}"
 
     @property
@@ -106,11 +108,12 @@ class Comparison:
         return bool((self.cases["low"] > 0.0).any())
 
     @property
-    def _undecided(self) -> str:
+    def _undecided_reason(self) -> str:
+        """Why no time has an interval."""
         if not self.cases.empty:
             return "each run has one pass"
         reached = (frames.points[frames.points["outcome"] == Outcome.SOLVED] for frames in (self.before, self.after))
-        common = set.intersection(*(set(zip(*(one[key] for key in POINT), strict=True)) for one in reached))
+        common = set.intersection(*(set(zip(*(points[key] for key in POINT), strict=True)) for points in reached))
         return "all common times are excluded" if common else "no accuracy is reached by both runs"
 
     def failures(self, fail_on: Sequence[str] | str) -> list[str]:
@@ -124,14 +127,15 @@ class Comparison:
         """
         sentences = []
         for condition, slowdown in read_conditions(fail_on).items():
-            found = _points_in_words(self.changed(UNSOLVED)) if slowdown is None else self.slower(slowdown)
+            names = _points_in_words(self.changed(UNSOLVED)) if slowdown is None else self.slower(slowdown)
             if slowdown is not None and (self.obstacle or not self.has_intervals):
-                sentences.append(f"{condition} cannot be decided: {self.obstacle or self._undecided}")
-            elif found:
-                sentences.append(f"{condition}: {_names(found)}")
+                sentences.append(f"{condition} cannot be decided: {self.obstacle or self._undecided_reason}")
+            elif names:
+                sentences.append(f"{condition}: {_names(names)}")
         return sentences
 
-    def _named(self, solvers: pd.DataFrame, cases: pd.DataFrame) -> list[str]:
+    def _texts_with_ratios(self, solvers: pd.DataFrame, cases: pd.DataFrame) -> list[str]:
+        """Return solvers, and cases of other solvers, as text with their ratios."""
         others = cases[~cases["solver"].isin(solvers["solver"])]
         return [f"{row.solver} ({row.ratio:.2f} times)" for row in solvers.itertuples()] + [
             f"{row.solver} on {row.problem} ({row.ratio:.2f} times)" for row in others.itertuples()
@@ -147,13 +151,13 @@ def read_conditions(texts: Sequence[str] | str) -> dict[str, float | None]:
     conditions: dict[str, float | None] = {}
     for text in [texts] if isinstance(texts, str) else texts:
         plain = re.sub(r"\s", "", text)
-        found = re.fullmatch(r"time>(\d+(?:\.\d+)?)%", plain)
-        if not found and plain != "solved<":
+        match = re.fullmatch(r"time>(\d+(?:\.\d+)?)%", plain)
+        if not match and plain != "solved<":
             raise BenchError(
                 f"`fail_on` {text!r} is not a condition; use 'time>10%' (a solver is more than 10 % slower) or "
                 "'solved<' (an accuracy is no longer reached)."
             )
-        conditions[plain] = float(found[1]) / 100.0 if found else None
+        conditions[plain] = float(match[1]) / 100.0 if match else None
     return conditions
 
 
@@ -174,8 +178,8 @@ def _points_in_words(changes: pd.DataFrame) -> list[str]:
     return [f"{row.solver} on {row.problem} to {row.accuracy:.0e}" for row in coarsest.itertuples()]
 
 
-def _listed(what: str, names: list[str]) -> str:
-    return f"{what}: {_names(names)}" if names else ""
+def _listed(title: str, names: list[str]) -> str:
+    return f"{title}: {_names(names)}" if names else ""
 
 
 def _names(names: list[str]) -> str:

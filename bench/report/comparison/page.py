@@ -61,12 +61,12 @@ def _tables(comparison: Comparison) -> list[tuple[str, pd.DataFrame]]:
     """Return titles and non-empty tables: solvers, single cases that differ, accuracies that only one run reaches."""
     bounds = 1.0 / (1.0 + comparison.slowdown), 1.0 + comparison.slowdown
     cases = comparison.cases
-    single = cases[(cases["high"] < bounds[0]) | (cases["low"] > bounds[1])]
+    single_cases = cases[(cases["high"] < bounds[0]) | (cases["low"] > bounds[1])]
     changes = comparison.changes.assign(to=comparison.changes["accuracy"].map(accuracy_tag))
     shown = changes.rename(columns={"change": "is"})[["solver", "problem", "to", "is", "reason"]]
     tables = [
         ("times of each solver, over its problems", _shown_times(comparison, comparison.solvers)),
-        ("cases that are slower or faster by themselves", _shown_times(comparison, single)),
+        ("cases that are slower or faster by themselves", _shown_times(comparison, single_cases)),
         ("accuracies that one run alone reaches", shown),
     ]
     return [(title, table) for title, table in tables if len(table)]

@@ -37,7 +37,7 @@ class Pairing:
     """Two runs, restricted to their common part.
 
     Attributes:
-        before: the first run, without cases and tolerances that the second one lacks.
+        before: the first run, without cases and tolerances that the second run lacks.
         after: the second run, restricted in the same way.
         notes: sentences about omitted parts and other differences.
         accuracies: the common tolerances, from coarse to fine.
@@ -59,8 +59,8 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
     """Restrict two runs to their comparable part.
 
     Raises:
-        BenchError: if one is a study or has no case, if they were judged by different versions of the judge, or if
-            they have no case or no tolerance in common.
+        BenchError: if a run is a study or has no case, if the runs were judged by different versions of the judge,
+            or if they have no case or no tolerance in common.
     """
     for run in (before, after):
         require_comparable(run)
@@ -79,19 +79,19 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
             "solvers and tolerances."
         )
     pairs = _machines_in_pairs(before, after, set(keys["problem"]))
-    hardware = list(dict.fromkeys(words for pair in pairs for words in hardware_differences(*pair)))
-    changed = list(dict.fromkeys(words for pair in pairs for words in differences(*pair)))
+    hardware = list(dict.fromkeys(difference for pair in pairs for difference in hardware_differences(*pair)))
+    changed = list(dict.fromkeys(difference for pair in pairs for difference in differences(*pair)))
     if software := [difference for difference in changed if difference not in hardware]:
         notes.append(f"not the same: {'; '.join(software)}")
     solvers = tuple(dict.fromkeys(keys["solver"]))
-    ours = tuple(name for name in solvers if not _is_of_plugin(name, (before, after)))
+    own_solvers = tuple(name for name in solvers if not _comes_from_plugin(name, (before, after)))
     return Pairing(
         _restricted(before, keys, tolerances),
         _restricted(after, keys, tolerances),
         (*notes, *left_out),
         tuple(sorted(tolerances, reverse=True)),
         f"the machines differ: {'; '.join(hardware)}" if hardware else _load_obstacle(before, after),
-        solvers if changed else ours,
+        solvers if changed else own_solvers,
         not changed,
     )
 
@@ -100,12 +100,12 @@ def _machines_in_pairs(before: RunFrames, after: RunFrames, problems: set[str]) 
     """Return all pairs of machines on which a problem was measured in the first and in the second run."""
     measured = [machines_by_problem(run) for run in (before, after)]
     pairs = [
-        (one, other)
+        (first, second)
         for problem in problems
-        for one in measured[0].get(problem, [before.info.machine])
-        for other in measured[1].get(problem, [after.info.machine])
+        for first in measured[0].get(problem, [before.info.machine])
+        for second in measured[1].get(problem, [after.info.machine])
     ]
-    return [pair for place, pair in enumerate(pairs) if pair not in pairs[:place]]
+    return [pair for index, pair in enumerate(pairs) if pair not in pairs[:index]]
 
 
 def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, list[str]]:
@@ -113,14 +113,14 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
     digests = [dict(zip(run.cases["problem"], run.cases["digest"], strict=True)) for run in (before, after)]
     changed = [name for name, digest in digests[0].items() if digests[1].get(name, digest) != digest]
     notes = [_listing("omitted because the numbers of these problems differ", changed)]
-    for what in CASE:
-        sets = [dict.fromkeys(run.cases[what]) for run in (before, after)]
+    for column in CASE:
+        sets = [dict.fromkeys(run.cases[column]) for run in (before, after)]
         for run, own, other in ((before, sets[0], sets[1]), (after, sets[1], sets[0])):
-            notes.append(_listing(f"{what}s of {run.folder} alone", [name for name in own if name not in other]))
+            notes.append(_listing(f"{column}s of {run.folder} alone", [name for name in own if name not in other]))
     compared = [*CASE, "threads", "threads_used", "start"]
     both = before.cases[compared].merge(after.cases[compared], on=CASE)
     both = both[~both["problem"].isin(changed)]
-    for column, named, difference in (
+    for column, key, difference in (
         ("threads", "solver", "the declared numbers of threads of these solvers differ"),
         ("threads_used", "solver", "the numbers of threads that these solvers use differ"),
         ("start", "problem", "the starts of warm solvers differ on these problems"),
@@ -128,17 +128,18 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
         is_equal = both[f"{column}_x"] == both[f"{column}_y"]
         if column == "threads_used":  # 0 is unknown, for example of a case that failed
             is_equal |= (both["threads_used_x"] == 0) | (both["threads_used_y"] == 0)
-        notes.append(_listing(f"omitted because {difference}", list(dict.fromkeys(both[named][~is_equal]))))
+        notes.append(_listing(f"omitted because {difference}", list(dict.fromkeys(both[key][~is_equal]))))
         both = both[is_equal]
     return both[CASE], [note for note in notes if note]
 
 
-def _listing(what: str, names: list[str]) -> str:
+def _listing(title: str, names: list[str]) -> str:
     more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
-    return f"{what}: {', '.join(names[:MAX_NAMES])}{more}" if names else ""
+    return f"{title}: {', '.join(names[:MAX_NAMES])}{more}" if names else ""
 
 
 def _restricted(run: RunFrames, keys: pd.DataFrame, tolerances: Iterable[float]) -> RunFrames:
+    """Return the part of a run with the cases ``keys`` and the tolerances."""
     points, rounds = (
         frame[frame["tolerance"].isin(tolerances)].merge(keys, on=CASE) for frame in (run.points, run.rounds)
     )
@@ -161,7 +162,7 @@ def _load_obstacle(before: RunFrames, after: RunFrames) -> str:
     return ""
 
 
-def _is_of_plugin(solver: str, runs: Iterable[RunFrames]) -> bool:
+def _comes_from_plugin(solver: str, runs: Iterable[RunFrames]) -> bool:
     """Return whether a solver, or a part of it, comes from a plugin."""
     names = set(re.findall(r"\w+", solver))
     return any(use.kind == "solver" and use.name in names for run in runs for use in run.info.plugins)

@@ -20,9 +20,9 @@ CHANGES = [*CASE, "accuracy", "change", "reason"]
 def find_solved_changes(pairing: Pairing) -> pd.DataFrame:
     """Return one row for each solver, problem and accuracy that only one of two runs reaches, columns ``CHANGES``.
 
-    A change is undecided if the other run has not measured the point yet, or reached a time limit, of a solve or of a
-    case, that a shared core can explain: all its rounds are excluded, the limits differ, or the run that reaches the
-    accuracy took more than 1/``SHARED_CORE_SLOWDOWN`` of the limit.
+    A change is undecided if the other run has not measured the point yet. It is also undecided if the other run reached
+    a time limit, of a solve or of a case, and a shared core can explain this: all rounds of the point are excluded, the
+    limits differ, or the run that reaches the accuracy took more than 1/``SHARED_CORE_SLOWDOWN`` of the limit.
     """
     sides = (pairing.before, pairing.after)
     key = [*CASE, "accuracy"]
@@ -33,32 +33,41 @@ def find_solved_changes(pairing: Pairing) -> pd.DataFrame:
         ((pairing.before, reached[0]), (pairing.after, reached[1]), UNSOLVED),
     ):
         for name in own_reached.index.difference(other_reached.index, sort=False):
-            is_short, reason = _ending(own, other, name[:2], own_reached[name], accuracy=name[2])
-            rows.append((*name, UNDECIDED if is_short else change, reason))
+            is_undecided, reason = _ending(own, other, name[:2], own_reached[name], accuracy=name[2])
+            rows.append((*name, UNDECIDED if is_undecided else change, reason))
     return pd.DataFrame(rows, columns=CHANGES)
 
 
 def _ending(
     own: RunFrames, other: RunFrames, case: tuple[str, str], tolerance: float, accuracy: float
 ) -> tuple[bool, str]:
-    """Return whether the result of ``other``, which misses the accuracy, is undecided, and describe its ending."""
-    ended = _of_case(other.cases, case).iloc[0]
-    if ended["outcome"] != Outcome.MEASURED:
+    """Return whether the result of ``other``, which misses an accuracy, is undecided, and describe its ending.
+
+    Args:
+        own: the run that reaches the accuracy.
+        other: the run that misses it.
+        case: problem and solver.
+        tolerance: tolerance at which ``own`` reaches the accuracy.
+        accuracy: the accuracy.
+    """
+    case_row = _rows_of_case(other.cases, case).iloc[0]
+    if case_row["outcome"] != Outcome.MEASURED:
         limits = [run.info.plan.limits.case_seconds for run in (own, other)]
-        taken = float(_of_case(own.cases, case)["wall_seconds"].iloc[0])
-        short = limits[0] != limits[1] or taken * SHARED_CORE_SLOWDOWN > limits[1]
-        return bool(ended["outcome"] == Outcome.TIMEOUT and short), f"{ended['outcome']}, {ended['reason']}"
-    points = _of_case(other.points, case)
+        seconds = float(_rows_of_case(own.cases, case)["wall_seconds"].iloc[0])
+        is_explained = limits[0] != limits[1] or seconds * SHARED_CORE_SLOWDOWN > limits[1]
+        reason = f"{case_row['outcome']}, {case_row['reason']}"
+        return bool(case_row["outcome"] == Outcome.TIMEOUT and is_explained), reason
+    points = _rows_of_case(other.points, case)
     finer = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
     if finer.empty:
-        return not ended["is_finished"], "not measured"
+        return not case_row["is_finished"], "not measured"
     point = finer.sort_values("tolerance").iloc[-1]
     reason = f"{point['outcome']}, {point['reason'] or 'judged residual {:.0e}'.format(point['residual'])}"
     limits = [run.info.plan.limits.solve_seconds for run in (own, other)]
-    taken = _of_case(own.points, case).set_index("tolerance")["total_seconds"][tolerance]
-    short = bool(point["is_excluded"]) or limits[0] != limits[1] or taken * SHARED_CORE_SLOWDOWN > limits[1]
-    return bool(point["outcome"] == Outcome.TIME_LIMIT and short), reason
+    seconds = _rows_of_case(own.points, case).set_index("tolerance")["total_seconds"][tolerance]
+    is_explained = bool(point["is_excluded"]) or limits[0] != limits[1] or seconds * SHARED_CORE_SLOWDOWN > limits[1]
+    return bool(point["outcome"] == Outcome.TIME_LIMIT and is_explained), reason
 
 
-def _of_case(frame: pd.DataFrame, case: tuple[str, str]) -> pd.DataFrame:
+def _rows_of_case(frame: pd.DataFrame, case: tuple[str, str]) -> pd.DataFrame:
     return frame[(frame["problem"] == case[0]) & (frame["solver"] == case[1])]

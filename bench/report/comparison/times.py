@@ -36,7 +36,7 @@ MAX_DRIFT = 2.0 * RUN_SPREAD
 """Largest logarithm of the scale if no solver is known to be the same program in both runs."""
 
 MIN_YARDSTICKS = 3
-"""Least number of yardsticks of a scale."""
+"""Smallest number of yardsticks that determine a scale."""
 
 DEGREES_OF_FREEDOM = 10
 """Degrees of freedom of Student's t in intervals of cases; few, because one disturbance may affect all passes."""
@@ -119,12 +119,13 @@ def _reached_passes(pairing: Pairing) -> tuple[pd.DataFrame, pd.DataFrame]:
         medians = [float(np.exp(np.median(time))) for time in times]
         if min(map(len, times)) < MIN_ROUNDS:
             times = _by_side(samples[name])
-        found = bootstrap_ratio(times[1], times[0])
-        rows.append((*name, *medians, medians[1] / medians[0], found.low, found.high))
+        interval = bootstrap_ratio(times[1], times[0])
+        rows.append((*name, *medians, medians[1] / medians[0], interval.low, interval.high))
     return passes, pd.DataFrame(rows, columns=POINTS)
 
 
 def _by_side(rows: pd.DataFrame) -> list[FloatArray]:
+    """Return the logarithms of the times of the first and of the second run."""
     times, sides = rows["time"].to_numpy(), rows["side"].to_numpy()
     return [times[sides == side] for side in (0, 1)]
 
@@ -142,13 +143,13 @@ def _with_noise(cases: pd.DataFrame, passes: pd.DataFrame) -> pd.DataFrame:
     """Return the cases with the standard deviation over their passes (noise); infinite without passes."""
     centres = passes.groupby([*CASE, "accuracy", "side"])["time"].transform("mean")
     deviations = passes.assign(time=passes["time"] - centres)
-    of_passes = deviations.groupby([*CASE, "side", "session", "number"])["time"].mean()
-    sides = of_passes.groupby([*CASE, "side"])
-    counts, squares = sides.size().unstack(), sides.agg(lambda one: float((one**2).sum())).unstack()
+    pass_deviations = deviations.groupby([*CASE, "side", "session", "number"])["time"].mean()
+    sides = pass_deviations.groupby([*CASE, "side"])
+    counts, squares = sides.size().unstack(), sides.agg(lambda deviation: float((deviation**2).sum())).unstack()
     freedom = (counts - 1).sum(axis=1)
-    own = squares.sum(axis=1) / freedom.where(freedom > 0)
-    typical = (own * freedom / special.chdtri(freedom.where(freedom > 0), 0.5)).median()
-    variance = np.maximum(own.fillna(0.0), typical if np.isfinite(typical) else np.inf)
+    case_variance = squares.sum(axis=1) / freedom.where(freedom > 0)
+    typical = (case_variance * freedom / special.chdtri(freedom.where(freedom > 0), 0.5)).median()
+    variance = np.maximum(case_variance.fillna(0.0), typical if np.isfinite(typical) else np.inf)
     efficiency = counts.map(lambda n: MEDIAN_VARIANCE if n > 2 else 1.0)
     noise = np.sqrt(variance * (efficiency / counts).sum(axis=1)).rename("noise")
     return cases.merge(noise.reset_index(), on=CASE, how="left")
@@ -165,8 +166,8 @@ def _solvers(cases: pd.DataFrame) -> pd.DataFrame:
         n, differences = len(own), own["difference"].to_numpy()
         noise = np.sqrt((own["noise"] ** 2).sum()) / n
         if n >= MIN_PAIRS and np.isfinite(noise):
-            found = bootstrap_ratio(differences, confidence=2.0 * ONE_SIDED_CONFIDENCE - 1.0, statistic=np.mean)
-            noise = np.log(found.high / found.low) / (2.0 * HALF_WIDTH)
+            interval = bootstrap_ratio(differences, confidence=2.0 * ONE_SIDED_CONFIDENCE - 1.0, statistic=np.mean)
+            noise = np.log(interval.high / interval.low) / (2.0 * HALF_WIDTH)
         before, after = (float(np.exp(np.log(own[side]).mean())) for side in ("before", "after"))
         rows.append((solver, n, before, after, differences.mean(), noise))
     return pd.DataFrame(rows, columns=["solver", "problems", "before", "after", "difference", "noise"])
@@ -182,7 +183,7 @@ def _scale(yardsticks: pd.DataFrame, is_same_software: bool) -> tuple[float, flo
     return scale, float(yardsticks["noise"].median() * np.sqrt(MEDIAN_VARIANCE / len(yardsticks)))
 
 
-def _ratios(frame: pd.DataFrame, scale: float, half: FloatArray) -> pd.DataFrame:
-    """Return a frame of differences with ratios over the scale, and intervals of half width ``half`` in logarithms."""
+def _ratios(frame: pd.DataFrame, scale: float, half_width: FloatArray) -> pd.DataFrame:
+    """Return a frame of differences with ratios over the scale, and intervals of ``half_width`` in logarithms."""
     centre = frame["difference"].to_numpy(dtype=np.float64) - scale
-    return frame.assign(ratio=np.exp(centre), low=np.exp(centre - half), high=np.exp(centre + half))
+    return frame.assign(ratio=np.exp(centre), low=np.exp(centre - half_width), high=np.exp(centre + half_width))

@@ -18,8 +18,8 @@ def write_file(file: Path, content: bytes) -> Path:
     """Write a file as a whole or not at all, create its folder if necessary, and return the file.
 
     Raises:
-        BenchError: if it is a link to a file outside its folder.
-        UnwritableError: if it cannot be written.
+        BenchError: if the file is a link to a file outside its folder.
+        UnwritableError: if the file cannot be written.
     """
     check_links_inside(file, file.parent)
     try:
@@ -36,17 +36,18 @@ def write_file(file: Path, content: bytes) -> Path:
 def output_file(output: Path, stem: str, suffix: str, force: bool) -> Path:
     """Return the path of an output file, and create its folder.
 
-    It is ``output`` if that is a file, or otherwise a file in the folder ``output``, named by ``stem`` and the time.
+    The path is ``output`` if that is a file, or otherwise a file in the folder ``output``, named by ``stem`` and the
+    time.
 
     Args:
-        output: a file if it ends in ``suffix``; a folder if it is an existing one, or has no suffix.
+        output: a file if it ends in ``suffix``; a folder if it exists as a folder, or has no suffix.
         stem: beginning of the name of a new file, before date and time.
         suffix: suffix of the file.
         force: whether an existing file may be replaced.
 
     Raises:
-        BenchError: if it exists and ``force`` is not given, has another suffix, is a link to a file outside
-            its folder, or its folder cannot be created.
+        BenchError: if the file exists and ``force`` is not given, has another suffix, or is a link to a file outside
+            its folder, or if its folder cannot be created.
     """
     is_folder = output.is_dir()
     if output.suffix not in ("", suffix) and not is_folder:
@@ -71,7 +72,7 @@ def check_writable(files: Iterable[Path], force: bool) -> None:
     """Check that files can be written later, without changing anything.
 
     Raises:
-        BenchError: if one exists and ``force`` is not given, is a link to a file outside its folder, or cannot be
+        BenchError: if a file exists and ``force`` is not given, is a link to a file outside its folder, or cannot be
             written.
     """
     for file in files:
@@ -111,7 +112,7 @@ def check_pictures_writable(path: Path, force: bool) -> None:
     """Check that a picture can be written at ``path``, without changing anything.
 
     Raises:
-        BenchError: if it cannot, or if it exists and ``force`` is not given.
+        BenchError: if the picture cannot be written, or exists and ``force`` is not given.
     """
     check_writable(picture_files(path), force)
 
@@ -122,16 +123,16 @@ def draw_pictures(
     what: str = "chart",
     remedy: str = "draw it with: proxbench simulate --resume {} --chart NAME",
 ) -> list[Path]:
-    """Draw pictures of a stored result; return their files.
+    """Draw pictures of a stored result, and return their files.
 
     Args:
-        draw: function that draws them and returns their files.
+        draw: function that draws the pictures and returns their files.
         result: file of the result.
         what: name of the pictures in messages.
         remedy: instructions to draw them later, with {} for the result.
 
     Raises:
-        UnwritableError: if they cannot be written, with these instructions.
+        UnwritableError: if the files cannot be written, with these instructions.
         BenchError: if drawing fails for another reason, with these instructions.
     """
     try:

@@ -59,6 +59,7 @@ def csv_content(table: Any) -> bytes:
 
 
 def _inert(value: Any) -> Any:
+    """Return a value that a spreadsheet does not execute; see ``csv_content``."""
     if not isinstance(value, str):
         return value
     text = value.replace("\r\n", "\n").replace("\r", "\n")  # pandas does not quote \r, which would end the row

@@ -36,7 +36,7 @@ def write_page(frames: RunFrames, baseline: str = "") -> Path:
     Raises:
         BenchError: if the run is a study of simulations or has no case, the baseline is not one of its solvers, or
             the file is a link out of its folder.
-        UnwritableError: if it cannot be written.
+        UnwritableError: if the file cannot be written.
     """
     folder = frames.output_folder if frames.residual == JUDGED else frames.output_folder / frames.residual
     return write_file(folder / FILE, page(frames, baseline).encode())
@@ -70,6 +70,7 @@ def _in_script(text: str) -> str:
 
 
 def _policy(*scripts: str) -> str:
+    """Return the Content-Security-Policy of a page with these scripts."""
     hashes = (base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts)
     sources = " ".join(f"'sha256-{value}'" for value in hashes)
     allowed = {
@@ -84,4 +85,5 @@ def _policy(*scripts: str) -> str:
 
 
 def _source(name: str) -> str:
+    """Return the text of a file of this package."""
     return (resources.files(__package__) / name).read_text(encoding="utf-8")

@@ -28,7 +28,7 @@ def repeat_command(run: RunRecord) -> str:
 def protocol_options(run: RunRecord) -> str:
     """Return the options of a run except for its problems and solvers.
 
-    To repeat a case, add them to ``proxbench run`` with its problem and its solver.
+    To repeat a case, add these options to ``proxbench run`` with its problem and its solver.
     """
     plan, limits = run.plan, run.plan.limits
     options = {

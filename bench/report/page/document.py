@@ -38,7 +38,7 @@ MAX_CURVE_POINTS = 300_000
 """Largest number of points of all convergence curves of a page."""
 
 MIN_CURVE_POINTS = 20
-"""Least number of points to which a curve is thinned."""
+"""Smallest number of points to which a curve is thinned."""
 
 LAWS = {1: "no friction (1 row per contact)", 2: "planar friction (2 rows)", 3: "spatial friction (3 rows)"}
 """Laws of problems by their rows per contact."""
@@ -89,11 +89,12 @@ def _first_drawable(frames: RunFrames) -> str:
     iterations = frames.iterations.groupby("problem")["iteration"].nunique()
     both = set(residuals.index[residuals > 1]) & set(iterations.index[iterations > 2])
     problems = list(dict.fromkeys(frames.cases["problem"]))
-    found = (name for chosen in (both, set(points["problem"])) for name in problems if name in chosen)
-    return str(next(found, problems[0]))
+    candidates = (name for group in (both, set(points["problem"])) for name in problems if name in group)
+    return str(next(candidates, problems[0]))
 
 
 def _about(frames: RunFrames) -> dict[str, Any]:
+    """Return the facts about the whole run."""
     info = frames.info
     sentences = [*run_state(frames), *info.plan.left_out, *frames.damaged]
     return {
@@ -116,7 +117,7 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
     """Return tables of names and values: machines, versions, environment, protocol, sessions and plugins."""
     info, factor = frames.info, drift(frames)
     plan, limits = info.plan, info.plan.limits
-    machines = {one.machine.host: one.machine for one in info.sessions} or {"": info.machine}
+    machines = {session.machine.host: session.machine for session in info.sessions} or {"": info.machine}
     is_single = len(machines) == 1
     tables: dict[str, dict[str, Any]] = {
         "Machine" if is_single else f"Machine {host}": _hardware(machine) for host, machine in machines.items()
@@ -133,10 +134,10 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
         "probes": "unknown" if np.isnan(factor) else f"ratio of 90 % to 10 % quantile {factor:.2f}",
     }
     tables["Sessions"] = {
-        one.started + ("" if is_single else f" on {one.machine.host}"): f"to {one.finished}"
-        if one.finished
+        session.started + ("" if is_single else f" on {session.machine.host}"): f"to {session.finished}"
+        if session.finished
         else "interrupted"
-        for one in info.sessions
+        for session in info.sessions
     }
     tables["Plugins"] = {f"{use.kind} {use.name}": f"{use.source} {use.sha256[:16]}".strip() for use in info.plugins}
     return {name: [(key, str(value)) for key, value in table.items()] for name, table in tables.items() if table}
@@ -269,12 +270,12 @@ def _curves(frames: RunFrames) -> dict[str, list[Any]]:
     """
     max_points, numbers = max(MIN_CURVE_POINTS, MAX_CURVE_POINTS // len(frames.cases)), _case_numbers(frames)
     curves: dict[str, list[Any]] = {"case": [], "iteration": [], "residual": []}
-    drawn = frames.iterations[(frames.iterations["iteration"] > 0) & np.isfinite(frames.iterations["residual"])]
-    for name, curve in drawn.groupby(CASE, sort=False):
-        kept = curve.iloc[np.unique(np.linspace(0, len(curve) - 1, min(max_points, len(curve))).astype(int))]
+    drawable = frames.iterations[(frames.iterations["iteration"] > 0) & np.isfinite(frames.iterations["residual"])]
+    for name, curve in drawable.groupby(CASE, sort=False):
+        thinned = curve.iloc[np.unique(np.linspace(0, len(curve) - 1, min(max_points, len(curve))).astype(int))]
         curves["case"].append(numbers[name])
-        curves["iteration"].append(kept["iteration"].tolist())
-        curves["residual"].append(_numbers(kept["residual"], 4))
+        curves["iteration"].append(thinned["iteration"].tolist())
+        curves["residual"].append(_numbers(thinned["residual"], 4))
     return curves
 
 

@@ -57,10 +57,10 @@ class BodyRecipe:
 
     Attributes:
         scene: the scene.
-        step: number of steps before it.
+        step: number of steps before the captured one.
         time_step: Δt [s].
-        solver: solver of the steps before it.
-        stop: its stopping criterion.
+        solver: solver of these steps.
+        stop: stopping criterion of the solver.
         depth: penetration [m] beyond which bodies are moved apart after each of these steps; None for no limit.
     """
 
@@ -73,14 +73,16 @@ class BodyRecipe:
 
 
 ARCH_LIMITS = dict(zip(ARCH_STONES, (0.0962, 0.1021, 0.1028, 0.1068, 0.1074), strict=True))
-"""Least t/R at which an arch of each number of stones stands at μ = 0.8; see ``scenes.rigid.arch``."""
+"""Smallest t/R at which an arch of each number of stones stands at μ = 0.8; see ``scenes.rigid.arch``."""
 
 
 def _pile(n_boxes: int, step: int = 500) -> BodyRecipe:
+    """Return the recipe of a step of a pile of boxes."""
     return BodyRecipe(BoxPile(n_boxes), step, 2e-3, SETTLING_SOLVER, SETTLING_STOP, 1e-4)
 
 
 def _named_recipes() -> Iterator[tuple[str, BodyRecipe]]:
+    """Yield the name and the recipe of each problem."""
     scenes: dict[str, BodyScene] = {
         "stack-10": BoxStack(10, overlap=OVERLAP),
         "stack-100": BoxStack(100, overlap=OVERLAP),
@@ -135,7 +137,11 @@ def body_recipes() -> dict[str, BodyRecipe]:
 
 
 def body_problem(name: str) -> ContactProblem:
-    """Return the problem of a recipe."""
+    """Return the problem of the recipe called ``name``.
+
+    Raises:
+        ProblemError: if no contact is active in the step.
+    """
     recipe = body_recipes()[name]
     stepper = MidpointRule(
         recipe.scene.system(), create(recipe.solver), recipe.stop, recipe.time_step, depth=recipe.depth

@@ -22,7 +22,7 @@ WALLS = (((-1.0, 0.0), (0.0, 1.0, 0.0), 0.5 * pi), ((1.0, 0.0), (0.0, 1.0, 0.0),
 y, x and y are exchanged and the angle is negated."""
 
 EFFECTS = (Gravity(), Friction(0.5))
-"""Effects of all scenes of boxes."""
+"""Effects of all scenes in this module."""
 
 
 @dataclass(frozen=True)
@@ -61,18 +61,18 @@ class BoxPile:
 
     def system(self) -> RigidBodies:
         """Return the boxes between the walls."""
-        half = 0.5 * self.side * self.pitch
+        half_width = 0.5 * self.side * self.pitch
         fixed = [FixedBody(HalfSpace())]
         for (x, y), (a, b, c), angle in WALLS:
-            fixed.append(FixedBody(HalfSpace(), (half * x, half * y, 0.0), tuple(about((a, b, c), angle))))
-            fixed.append(FixedBody(HalfSpace(), (half * y, half * x, 0.0), tuple(about((b, a, c), -angle))))
+            fixed.append(FixedBody(HalfSpace(), (half_width * x, half_width * y, 0.0), tuple(about((a, b, c), angle))))
+            fixed.append(FixedBody(HalfSpace(), (half_width * y, half_width * x, 0.0), tuple(about((b, a, c), -angle))))
         return rigid_bodies([Box(self.size)] * self.n_boxes, np.full(self.n_boxes, self.mass), fixed, EFFECTS)
 
     def start(self) -> State:
         """Return the boxes at rest above the ground."""
         box, side = np.arange(self.n_boxes), self.side
-        places = np.column_stack([box % side, box // side % side, box // side**2]) + 0.5
-        centres = self.pitch * (places - [0.5 * side, 0.5 * side, 0.0])
+        cells = np.column_stack([box % side, box // side % side, box // side**2]) + 0.5
+        centres = self.pitch * (cells - [0.5 * side, 0.5 * side, 0.0])
         orientations = np.random.default_rng(self.seed).normal(size=(self.n_boxes, 4))
         orientations /= np.linalg.norm(orientations, axis=1)[:, None]
         return State(0.0, np.hstack([centres, orientations]).ravel(), np.zeros(6 * self.n_boxes))
@@ -115,8 +115,8 @@ class BoxTable:
     def start(self) -> State:
         """Return the bodies at rest; all faces overlap slightly."""
         post, height = np.arange(self.posts**2), self.size[2]
-        places = np.column_stack([post // self.posts, post % self.posts]) - 0.5 * (self.posts - 1)
-        centres = np.column_stack([2.0 * places * self.size[:2], np.full(len(post), 0.5 * height - OVERLAP)])
+        cells = np.column_stack([post // self.posts, post % self.posts]) - 0.5 * (self.posts - 1)
+        centres = np.column_stack([2.0 * cells * self.size[:2], np.full(len(post), 0.5 * height - OVERLAP)])
         slab = [0.0, 0.0, height + 0.5 * self.slab.size[2] - 2.0 * OVERLAP]
         return _upright(np.vstack([centres, slab]))
 
@@ -149,7 +149,7 @@ class BoxTrain:
 
     @property
     def joints(self) -> Sequence[Joint]:
-        """The joints, halfway between neighbours, from the first one on."""
+        """The joints, halfway between neighbours, from the first joint on."""
         reach = 0.5 * (self.size[0] + self.gap)
         return [Joint("ball", box, box + 1, (-reach, 0.0, 0.0), (reach, 0.0, 0.0)) for box in range(self.n_boxes - 1)]
 
@@ -161,9 +161,9 @@ class BoxTrain:
 
     def start(self) -> State:
         """Return the boxes, at rest except for the first one."""
-        along = -(self.size[0] + self.gap) * np.arange(self.n_boxes)
+        x = -(self.size[0] + self.gap) * np.arange(self.n_boxes)
         height = np.full(self.n_boxes, 0.5 * self.size[2] - OVERLAP)
-        state = _upright(np.column_stack([along, np.zeros(self.n_boxes), height]))
+        state = _upright(np.column_stack([x, np.zeros(self.n_boxes), height]))
         state.velocity[0] = self.speed
         return state
 

@@ -1,7 +1,8 @@
 """Generate the problems of the standard suites from their scenes.
 
 A recipe specifies the step of a simulation that gives a problem. On one machine, scenes are deterministic for a given
-seed, so that generating twice gives equal digests. Rounding differs between machines, so runs use the frozen library.
+seed, so that generating a problem twice gives equal digests. Rounding differs between machines, so runs use the frozen
+library.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -64,7 +65,7 @@ class FunnelRecipe:
 
 @dataclass(frozen=True)
 class WoodpeckerRecipe:
-    """The first step after ``time`` [s] in which ``contact`` (0 beak, 1 lower edge, 2 upper edge) is active."""
+    """The first step at or after ``time`` [s] in which ``contact`` (0 beak, 1 lower edge, 2 upper edge) is active."""
 
     time: float
     contact: int
@@ -82,13 +83,13 @@ _FRICTIONLESS: tuple[Effect, ...] = (Gravity(), Restitution(0.3, 0.0))
 _SPATIAL: tuple[Effect, ...] = (*_FRICTIONLESS, Friction(0.3))
 _PLANAR: tuple[Effect, ...] = (*_SPATIAL, Planar())
 
-_INSTANTS = {30: (0.16, 0.45, 0.65), 100: (0.12, 0.32, 0.6), 300: (0.12, 0.29, 0.6), 1000: (0.12, 0.3, 0.8)}
+_FUNNEL_TIMES = {30: (0.16, 0.45, 0.65), 100: (0.12, 0.32, 0.6), 300: (0.12, 0.29, 0.6), 1000: (0.12, 0.3, 0.8)}
 """Times of the first impacts, the densest flow and the thinning flow [s], for each number of balls."""
 
 _OUTLETS = {30: 0.0, 100: 3.0, 300: 4.5, 1000: 4.5}
 """Outlet radius in ball radii: few balls would fall through the wide outlet before they pile up over it."""
 
-_SETTLED = 2.0
+_SETTLED_SECONDS = 2.0
 """Time at which a pile has settled [s]."""
 
 MIXED = (0.1, 0.95)
@@ -97,21 +98,21 @@ MIXED = (0.1, 0.95)
 
 def _funnel_recipes() -> Iterator[tuple[str, FunnelRecipe]]:
     for size in FUNNEL_SIZES:
-        early, dense, late = _INSTANTS[size]
+        early, dense, late = _FUNNEL_TIMES[size]
         spatial = Funnel(size, _SPATIAL, _OUTLETS[size])
         for suffix, time in (("-early", early), ("", dense), ("-late", late)):
             yield f"funnel-{size}{suffix}", FunnelRecipe(spatial, time)
         yield f"funnel-planar-{size}", FunnelRecipe(Funnel(size, _PLANAR, _OUTLETS[size]), dense)
         yield f"funnel-frictionless-{size}", FunnelRecipe(Funnel(size, _FRICTIONLESS, _OUTLETS[size]), dense)
     for size in PILE_SIZES:
-        yield f"pile-{size}", FunnelRecipe(Funnel(size, _SPATIAL, outlet_radius=0.0), _SETTLED, PILE_STOP)
+        yield f"pile-{size}", FunnelRecipe(Funnel(size, _SPATIAL, outlet_radius=0.0), _SETTLED_SECONDS, PILE_STOP)
     for seed, name in enumerate(MIXED_PILES, start=1):
         scene = Funnel(400, _SPATIAL, outlet_radius=0.0, seed=seed)
-        yield name, FunnelRecipe(scene, _SETTLED, PILE_STOP, MIXED)
+        yield name, FunnelRecipe(scene, _SETTLED_SECONDS, PILE_STOP, MIXED)
 
 
 Recipe = FunnelRecipe | WoodpeckerRecipe | RollingRecipe | BodyRecipe | SequenceRecipe
-"""How problems are generated."""
+"""Recipe of a generated problem."""
 
 
 @cache
@@ -148,20 +149,20 @@ def generate(names: Sequence[str], folder: Path | None = None) -> list[Path]:
         ProblemError: for a name without a recipe, or a folder that cannot be written.
         PluginError: if a plugin does not create the problem that it offers.
     """
-    of_plugins = {offer.name for offer in plugin_problems()}.difference(recipes(), HARD_CASES)
+    plugin_names = {offer.name for offer in plugin_problems()}.difference(recipes(), HARD_CASES)
     for name in names:
         if name in HARD_CASES:
             raise ProblemError(
                 f"{name!r} is built from its formula whenever it is loaded; there is nothing to generate."
             )
-        if name not in recipes() and name not in of_plugins:
+        if name not in recipes() and name not in plugin_names:
             raise ProblemError(
                 f"there is no recipe for {name!r}{suggestion(name, problem_names(), LIST_PROBLEMS_COMMAND)}"
             )
     target = folder if folder is not None else cache_folder()
     check_folder(target)  # before simulations, which may take minutes
-    made = (plugin_problem(name) for name in names if name in of_plugins)
-    for problem in chain(made, remake_problems(name for name in names if name not in of_plugins)):
+    new_plugin_problems = (plugin_problem(name) for name in names if name in plugin_names)
+    for problem in chain(new_plugin_problems, remake_problems(name for name in names if name not in plugin_names)):
         save_problem(problem, target / f"{problem.name}{SUFFIX}")
     return [target / f"{name}{SUFFIX}" for name in names]
 
@@ -176,7 +177,7 @@ def generate_missing(names: Iterable[str]) -> None:
 def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
     """Yield the named problems; problems of the same scene share one simulation.
 
-    With a step of a sequence, the steps before it are yielded too, from which warm solvers start.
+    For a step of a sequence, also yield the steps before it, from which warm solvers start.
     """
     funnel_recipes: dict[tuple[Funnel, Stop, tuple[float, float] | None], dict[str, FunnelRecipe]] = {}
     woodpecker_recipes: dict[str, WoodpeckerRecipe] = {}
@@ -202,45 +203,50 @@ def remake_problems(names: Iterable[str]) -> Iterator[ContactProblem]:
 
 
 def _solver() -> Any:
+    """Return the solver of funnel scenes."""
     return create("SORprox", relaxation=1.5)
 
 
 def _funnel_problems(
     scene: Funnel, stop: Stop, mixed: tuple[float, float] | None, members: dict[str, FunnelRecipe]
 ) -> Iterator[ContactProblem]:
-    wanted = {name: round(recipe.time / TIME_STEP) for name, recipe in members.items()}
+    """Yield the problems of the recipes ``members``, which share a scene, a stopping criterion and a range of μ."""
+    step_numbers = {name: round(recipe.time / TIME_STEP) for name, recipe in members.items()}
     system = scene.system()
     if mixed is not None:
         system = replace(system, friction=MixedFriction(*mixed, scene.seed))
     stepper = MidpointRule(system, _solver(), stop, TIME_STEP)
-    for number, step in enumerate(stepper.steps(scene.start(), max(wanted.values()) + 1)):
+    for number, step in enumerate(stepper.steps(scene.start(), max(step_numbers.values()) + 1)):
         for name in members:
-            if wanted[name] == number:
-                yield _captured(step, name, "funnel", number, TIME_STEP, seed=scene.seed, n_balls=scene.n_balls)
+            if step_numbers[name] == number:
+                yield _step_problem(step, name, "funnel", number, TIME_STEP, seed=scene.seed, n_balls=scene.n_balls)
 
 
 def _rolling_problems(name: str, recipe: RollingRecipe) -> Iterator[ContactProblem]:
+    """Yield the problem of a recipe with rolling friction."""
     for problem in remake_problems([recipe.problem]):
         resisting = with_rolling_friction(problem, recipe.rolling_friction)
         yield resisting.renamed(name, rolling_friction=recipe.rolling_friction)
 
 
 def _woodpecker_problems(members: dict[str, WoodpeckerRecipe]) -> Iterator[ContactProblem]:
+    """Yield the problems of the recipes ``members`` from one simulation."""
     time_step = PERIOD / WOODPECKER_STEPS
     stepper = MidpointRule(woodpecker(), create("SORprox"), Stop(1e-12, 10_000), time_step)
-    waiting = dict(members)
+    remaining = dict(members)
     for number, step in enumerate(stepper.steps(section_start(), 2 * WOODPECKER_STEPS)):
         if step.contacts is None:
             continue
-        for name, recipe in list(waiting.items()):
+        for name, recipe in list(remaining.items()):
             if number * time_step >= recipe.time and recipe.contact in step.contacts.keys:
-                del waiting[name]
-                yield _captured(step, name, "woodpecker", number, time_step)
-        if not waiting:
+                del remaining[name]
+                yield _step_problem(step, name, "woodpecker", number, time_step)
+        if not remaining:
             return
 
 
-def _captured(step: Step, name: str, scene: str, number: int, time_step: float, **origin: int) -> ContactProblem:
+def _step_problem(step: Step, name: str, scene: str, number: int, time_step: float, **origin: int) -> ContactProblem:
+    """Return the problem of a step with its name and origin; raise ``ProblemError`` if no contact is active."""
     if step.problem is None:
         raise ProblemError(f"no contact is active in step {number} of the scene of {name!r}.")
     free_fall = STANDARD_GRAVITY * time_step

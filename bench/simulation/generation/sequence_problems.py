@@ -34,7 +34,7 @@ class SequenceRecipe:
 
     Attributes:
         scene: the scene with its options.
-        time: time at the beginning of this step [s].
+        time: time at the beginning of the step [s].
     """
 
     scene: str
@@ -66,7 +66,7 @@ def sequence_problems(name: str) -> Iterator[ContactProblem]:
         ProblemError: if a step has no contact.
     """
     recipe = SEQUENCE_RECIPES[name]
-    scene, before = make_scene(recipe.scene), ""
+    scene, previous = make_scene(recipe.scene), ""
     length = scene.step_size
     stepper = MidpointRule(scene.system, create("Robust"), STEP_STOP, length, depth=scene.depth)
     steps = zip(SEQUENCE_MEMBERS[name], stepper.steps(first_state(recipe), SEQUENCE_STEPS), strict=True)
@@ -78,9 +78,9 @@ def sequence_problems(name: str) -> Iterator[ContactProblem]:
             STEP: number,
             FREE_FALL: STANDARD_GRAVITY * length,
         }
-        origin |= {BEFORE: before} if before else {}
+        origin |= {BEFORE: previous} if previous else {}
         yield step.problem.keyed(contact_names(step.problem, step.contacts)).renamed(member, **origin)
-        before = member
+        previous = member
 
 
 def first_state(recipe: SequenceRecipe) -> State:
@@ -94,7 +94,10 @@ def first_state(recipe: SequenceRecipe) -> State:
 
 
 def contact_names(problem: ContactProblem, contacts: ActiveContacts) -> list[str]:
-    """Return the key of each contact of a step as text; each further row of a joint is a contact, with its number."""
+    """Return the key of each contact of a step as text.
+
+    Each row of a joint is a contact; the text of every row except the first contains its number.
+    """
     row_of_contact = [0] * problem.n_contacts
     owners = contacts.for_rows(contacts.keys)
     numbers = np.arange(problem.n_rows) - contacts.for_rows(contacts.first_rows)

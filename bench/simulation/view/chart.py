@@ -26,6 +26,7 @@ POINTS = 500
 """Largest number of intervals over which curves are aggregated, to limit the size of charts."""
 
 WIDTH, HEIGHT = 620, 110
+"""Size of a panel [pixels]."""
 
 SHOWN_SECONDS = 0.5
 """Simulated time before the end over which coordinates are drawn [s]: some periods of the woodpecker."""
@@ -53,20 +54,20 @@ def simulation_chart(simulation: Simulation, seconds: float = SHOWN_SECONDS) -> 
     steps = simulation.steps
     shown = steps["time"] >= (simulation.state.time - seconds if has_names else -np.inf)
     begin = -np.inf if shown.all() else float(simulation.state.time - seconds)
-    found = [event for event in simulation.switch_events if event.time >= begin]
-    panels: list[Panel] = _coordinate_panels(simulation, begin, found) if has_names else []
+    switches = [event for event in simulation.switch_events if event.time >= begin]
+    panels: list[Panel] = _coordinate_panels(simulation, begin, switches) if has_names else []
     if not (has_names and is_variable):
         panels += _work_panels(simulation, shown)
     if is_variable:
         if not has_names:
-            panels.append(_count_panel(found, steps[shown]))
+            panels.append(_count_panel(switches, steps[shown]))
         panels.append(_step_panel(pd.DataFrame({"time": steps["time"][shown], "length": steps["length"][shown]})))
     last = panels[-1].layer[0] if isinstance(panels[-1], alt.LayerChart) else panels[-1]
     last.encoding.x.title = "simulated time [s]"
     last.encoding.x.axis = alt.Axis()
     title = alt.TitleParams(
         _title(simulation, begin),
-        subtitle=_subtitle(simulation, int(shown.sum()), int(steps["solves"][shown].sum()), found),
+        subtitle=_subtitle(simulation, int(shown.sum()), int(steps["solves"][shown].sum()), switches),
         anchor="start",
         fontSize=16,
         subtitleFontSize=12,
@@ -79,12 +80,13 @@ def write_chart(simulation: Simulation, path: Path) -> list[Path]:
     """Write the chart as ``path`` with .svg and with .png; return the files.
 
     Raises:
-        BenchError: if they cannot be written.
+        BenchError: if the files cannot be written.
     """
     return write_drawing(simulation_chart(simulation), path)
 
 
 def _title(simulation: Simulation, begin: float) -> str:
+    """Return the title of the chart; ``begin`` is the start of the shown time [s], or -inf."""
     scene = simulation.plan.scene
     name = scene.name.replace("_", " ").capitalize()
     balls = f", {counted(scene.n_balls, 'ball')}" if scene.n_balls > 1 else ""
@@ -92,7 +94,7 @@ def _title(simulation: Simulation, begin: float) -> str:
     return f"{name}{balls} over time{part}"
 
 
-def _subtitle(simulation: Simulation, n_steps: int, solves: int, found: list[SwitchEvent]) -> str:
+def _subtitle(simulation: Simulation, n_steps: int, solves: int, switches: list[SwitchEvent]) -> str:
     plan = simulation.plan
     segments = simulation.segments
     tolerances = ", then ".join(dict.fromkeys(_scientific(segment.tolerance) for segment in segments))
@@ -100,7 +102,7 @@ def _subtitle(simulation: Simulation, n_steps: int, solves: int, found: list[Swi
     solved = f"{solvers} to {tolerances}, {counted(int(simulation.unsolved.sum()), 'unsolved step')}"
     if not plan.stepper.locates_switches:
         return f"{plan.stepper.name}, {solved}"
-    work = f"{counted(n_steps, 'step')}, {counted(solves, 'one-step solve')}, {describe_switches(found)}"
+    work = f"{counted(n_steps, 'step')}, {counted(solves, 'one-step solve')}, {describe_switches(switches)}"
     return f"{plan.stepper.name}, {work}; {solved}"
 
 
@@ -113,12 +115,12 @@ def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel
 
     Balls that leave a scene fall forever: their kinetic and potential energy, which cancel, would hide the total.
     """
-    observed = [one for one in simulation.plan.scene.observables if one.label]
-    curves = _gathered(simulation.steps[shown], [one.name for one in observed])
+    observables = [observable for observable in simulation.plan.scene.observables if observable.label]
+    curves = _aggregated(simulation.steps[shown], [observable.name for observable in observables])
     energies = {"energy": "total"}
     if simulation.plan.scene.potential_energy is None:
         energies = {"kinetic_energy": "kinetic"}
-    elif not observed:
+    elif not observables:
         energies |= {"potential_energy": "potential", "kinetic_energy": "kinetic"}
     panels: list[Panel] = [
         _curve_panel(curves, "contacts", {"contacts": "active contacts"}, steps=True),
@@ -126,21 +128,25 @@ def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel
         _curve_panel(curves, "depth / r", {"penetration": "of states", "impact_depth": "at midpoints"}),
         _curve_panel(curves, "energy [J]", energies),
     ]
-    return [*(_curve_panel(curves, one.label, {one.name: one.label}, steps=one.is_count) for one in observed), *panels]
+    observed_panels = [
+        _curve_panel(curves, observable.label, {observable.name: observable.label}, steps=observable.is_count)
+        for observable in observables
+    ]
+    return [*observed_panels, *panels]
 
 
-def _gathered(rows: NDArray[np.void], observed: list[str]) -> pd.DataFrame:
+def _aggregated(rows: NDArray[np.void], observed: list[str]) -> pd.DataFrame:
     """Aggregate steps over intervals: mean contacts and iterations, largest penetration, last values of the rest."""
     steps = pd.DataFrame({name: rows[name] for name in rows.dtype.names or ()})
     steps["energy"] = steps["kinetic_energy"] + steps["potential_energy"]
     steps["most_iterations"] = steps["iterations"]
     length = max(1, -(-len(steps) // POINTS))
     last = ("time", *observed, "kinetic_energy", "potential_energy", "energy")
-    how: dict[str, Any] = {name: "last" for name in last}
-    how |= {"contacts": "mean", "iterations": "mean"}
-    how |= {"most_iterations": "max", "penetration": "max", "impact_depth": "max"}
-    gathered: pd.DataFrame = steps.groupby(np.arange(len(steps)) // length).agg(how)
-    return gathered
+    aggregations: dict[str, Any] = {name: "last" for name in last}
+    aggregations |= {"contacts": "mean", "iterations": "mean"}
+    aggregations |= {"most_iterations": "max", "penetration": "max", "impact_depth": "max"}
+    aggregated: pd.DataFrame = steps.groupby(np.arange(len(steps)) // length).agg(aggregations)
+    return aggregated
 
 
 def _curve_panel(
@@ -156,9 +162,9 @@ def _curve_panel(
     order = list(names.values())
     colours = alt.Scale(domain=order, range=[PALETTE[k] for k in (0, 3, 2)[: len(order)]])
     dashes = alt.Scale(domain=order, range=([1, 0], [5, 2], [2, 2])[: len(order)])
-    lines = _empty(long[["time", "value", "curve"]])
+    lines = _sized_chart(long[["time", "value", "curve"]])
     panel: alt.Chart = lines.mark_line(strokeWidth=1.5, interpolate="step-before" if steps else "linear").encode(
-        x=_time(),
+        x=_time_axis(),
         y=alt.Y("value:Q", title=title).scale(type=scale).axis(tickCount=4, format=".5~g"),
         color=alt.Color("curve:N", sort=order, scale=colours, title=None),
         strokeDash=alt.StrokeDash("curve:N", sort=order, scale=dashes, title=None),
@@ -166,62 +172,67 @@ def _curve_panel(
     return panel
 
 
-def _coordinate_panels(simulation: Simulation, begin: float, found: list[SwitchEvent]) -> list[Panel]:
+def _coordinate_panels(simulation: Simulation, begin: float, switches: list[SwitchEvent]) -> list[Panel]:
     """Return a panel for each coordinate with a name, with switching points as dots."""
-    drawn, shown = simulation.plan.scene.coordinates, simulation.times >= begin
-    curves = _curves(simulation.times[shown], simulation.trajectory[shown], simulation, drawn)
-    dots = _dots(simulation, found, drawn)
+    coordinates, shown = simulation.plan.scene.coordinates, simulation.times >= begin
+    curves = _curves(simulation.times[shown], simulation.trajectory[shown], simulation, coordinates)
+    dots = _dots(simulation, switches, coordinates)
     has_dots = simulation.plan.stepper.locates_switches
-    return [_panel(curves, dots, name, has_legend=has_dots and not number) for number, name in enumerate(drawn)]
+    return [
+        _coordinate_panel(curves, dots, name, has_legend=has_dots and not number)
+        for number, name in enumerate(coordinates)
+    ]
 
 
-def _curves(time: FloatArray, trajectory: FloatArray, simulation: Simulation, drawn: Mapping[str, int]) -> pd.DataFrame:
+def _curves(
+    time: FloatArray, trajectory: FloatArray, simulation: Simulation, coordinates: Mapping[str, int]
+) -> pd.DataFrame:
     """Return the coordinates over time, interpolated by cubics that match q and q̇ = u at the ends of each step."""
     position, velocity = np.split(trajectory, [len(simulation.plan.scene.start.position)], axis=1)
-    columns = list(drawn.values())
+    columns = list(coordinates.values())
     if velocity.shape != position.shape or len(time) < 2:
-        return pd.DataFrame(position[:, columns], columns=list(drawn)).assign(time=time)
+        return pd.DataFrame(position[:, columns], columns=list(coordinates)).assign(time=time)
     share = np.arange(POINTS_PER_STEP) / POINTS_PER_STEP
     dense = time[:-1, None] + np.diff(time)[:, None] * share
     all_times = np.append(dense.ravel(), time[-1])
     curves = CubicHermiteSpline(time, position[:, columns], velocity[:, columns])(all_times)
-    return pd.DataFrame(curves, columns=list(drawn)).assign(time=all_times)
+    return pd.DataFrame(curves, columns=list(coordinates)).assign(time=all_times)
 
 
-def _dots(simulation: Simulation, found: list[SwitchEvent], drawn: Mapping[str, int]) -> pd.DataFrame:
+def _dots(simulation: Simulation, switches: list[SwitchEvent], coordinates: Mapping[str, int]) -> pd.DataFrame:
     """Return one row per switching point: its time, the law that switches, and the coordinates."""
-    times = np.array([event.time for event in found])
-    at = np.searchsorted(simulation.times, times)
-    frame = pd.DataFrame(simulation.trajectory[at][:, list(drawn.values())], columns=list(drawn))
+    times = np.array([event.time for event in switches])
+    indices = np.searchsorted(simulation.times, times)
+    frame = pd.DataFrame(simulation.trajectory[indices][:, list(coordinates.values())], columns=list(coordinates))
     frame["time"] = times
-    frame["law"] = [KINDS[event.law] for event in found]
+    frame["law"] = [KINDS[event.law] for event in switches]
     return frame
 
 
-def _panel(frame: pd.DataFrame, dots: pd.DataFrame, name: str, has_legend: bool) -> alt.LayerChart:
+def _coordinate_panel(frame: pd.DataFrame, dots: pd.DataFrame, name: str, has_legend: bool) -> alt.LayerChart:
     """Return one coordinate over time, with its dots."""
     curve = frame[["time", name]].rename(columns={name: "value"})
     scale = alt.Scale(zero=False)
     low, high = curve["value"].min(), curve["value"].max()
     size = max(abs(low), abs(high))
-    if high - low <= NOISE * size:  # an axis of that range would show rounding errors
+    if high - low <= NOISE * size:  # an axis of this range would show rounding errors
         middle, room = 0.5 * (low + high), 0.05 * size or 1.0
         scale = alt.Scale(zero=False, domain=[middle - room, middle + room])
     height = alt.Y("value:Q", title=name, scale=scale)
-    line = _empty(curve).mark_line(color="#4d4d4d", strokeWidth=1.4).encode(x=_time(), y=height)
+    line = _sized_chart(curve).mark_line(color="#4d4d4d", strokeWidth=1.4).encode(x=_time_axis(), y=height)
     points = dots[["time", "law", name]].rename(columns={name: "value"})
     colour = _colour() if has_legend else _colour().legend(None)
-    marks = alt.Chart(points).mark_circle(size=42, opacity=1.0).encode(x=_time(), y=height, color=colour)
+    marks = alt.Chart(points).mark_circle(size=42, opacity=1.0).encode(x=_time_axis(), y=height, color=colour)
     layer: alt.LayerChart = line + marks
     return layer
 
 
-def _count_panel(found: list[SwitchEvent], steps: NDArray[np.void]) -> alt.Chart:
+def _count_panel(switches: list[SwitchEvent], steps: NDArray[np.void]) -> alt.Chart:
     """Return a histogram of switching points over time."""
     borders = np.linspace(steps["time"][0] - steps["length"][0], steps["time"][-1], BINS + 1)
     rows = []
     for law, kind in KINDS.items():
-        times = np.array([event.time for event in found if event.law == law])
+        times = np.array([event.time for event in switches if event.law == law])
         counts, _ = np.histogram(np.clip(times, borders[0], borders[-1]), borders)
         rows.append(pd.DataFrame({"time": borders[:-1], "end": borders[1:], "count": counts, "law": kind}))
     frame = pd.concat(rows)
@@ -229,10 +240,10 @@ def _count_panel(found: list[SwitchEvent], steps: NDArray[np.void]) -> alt.Chart
         format="d", tickMinStep=1
     )
     panel: alt.Chart = (
-        _empty(frame[frame["count"] > 0])
+        _sized_chart(frame[frame["count"] > 0])
         .mark_bar()
         .encode(
-            x=_time().bin("binned"),
+            x=_time_axis().bin("binned"),
             x2="end:Q",
             y=axis.scale(domainMin=0, domainMax=max(1, int(frame.groupby("time")["count"].sum().max()))),
             color=_colour(),
@@ -244,16 +255,16 @@ def _count_panel(found: list[SwitchEvent], steps: NDArray[np.void]) -> alt.Chart
 def _step_panel(frame: pd.DataFrame) -> alt.Chart:
     dots = alt.OverlayMarkDef(size=8)
     length = alt.Y("length:Q", title="step size [s]").scale(type="log", nice=False)
-    marks = _empty(frame).mark_line(color=PALETTE[0], strokeWidth=1.0, interpolate="step-before", point=dots)
-    panel: alt.Chart = marks.encode(x=_time(), y=length.axis(format=".0e", tickCount=6))
+    marks = _sized_chart(frame).mark_line(color=PALETTE[0], strokeWidth=1.0, interpolate="step-before", point=dots)
+    panel: alt.Chart = marks.encode(x=_time_axis(), y=length.axis(format=".0e", tickCount=6))
     return panel
 
 
-def _empty(frame: pd.DataFrame) -> alt.Chart:
+def _sized_chart(frame: pd.DataFrame) -> alt.Chart:
     return alt.Chart(frame, width=WIDTH, height=HEIGHT)
 
 
-def _time() -> alt.X:
+def _time_axis() -> alt.X:
     return alt.X("time:Q", title=None).axis(labels=False, ticks=False).scale(nice=False)
 
 

@@ -1,4 +1,4 @@
-"""The live summary of a simulation on standard error, or occasional plain lines if that is not a terminal."""
+"""The live summary of a simulation on standard error, or occasional plain lines if standard error is not a terminal."""
 
 import math
 import time
@@ -72,13 +72,13 @@ class LiveSummary:
         first = f"{plan.scene.name}  {last['time']:.4f} of {plan.until:g} s  step {simulation.n_steps}{speed}"
         if plan.stepper.locates_switches:
             first += f"  of {last['length']:.0e} s  {len(simulation.switches)} switches"
-        missed = f"  unsolved {self._n_unsolved}" if self._n_unsolved else ""
+        unsolved = f"  unsolved {self._n_unsolved}" if self._n_unsolved else ""
         energy = ""
         if plan.scene.potential_energy is not None:
             energy = f"  energy {last['kinetic_energy'] + last['potential_energy']:.4g} J"
         return first, (
             f"contacts {last['contacts']}  iterations {last['iterations']}  residual {last['residual']:.0e}"
-            f"{energy}{missed}"
+            f"{energy}{unsolved}"
         )
 
 

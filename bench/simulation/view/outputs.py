@@ -34,13 +34,13 @@ def read_outputs(stored: Mapping[str, Any], result: Path) -> SimulationOutputs:
     A result from an untrusted source must not cause other files to be replaced.
 
     Raises:
-        TypeError, KeyError: if ``stored`` is not such a document.
+        TypeError, KeyError: if ``stored`` is not a result of ``SimulationOutputs.document``.
     """
     return SimulationOutputs(_inside(stored["chart"], result), _inside(stored["recording"], result))
 
 
 def _inside(stored: str | None, result: Path) -> Path | None:
-    """Return a stored path, None if it is outside the folder of the result."""
+    """Return a stored path; None if the path is outside the folder of the result."""
     if stored is None:
         return None
     folder = result.parent
@@ -84,11 +84,11 @@ def write_recording(record: Callable[[Path], None], recording: Path | None, resu
     if recording is None:
         return []
 
-    def made() -> list[Path]:
+    def write_and_list() -> list[Path]:
         record(recording)
         return [recording]
 
-    return draw_pictures(made, result, "recording", "make it with: proxbench record {}")
+    return draw_pictures(write_and_list, result, "recording", "make it with: proxbench record {}")
 
 
 def _picture(path: Path) -> str:

@@ -23,14 +23,15 @@ _LEFT = {*_TEXT_HEADS, "stepper", "solver", "start"}
 """Heads of left-aligned columns."""
 
 _HEADS = ("row", *_TEXT_HEADS, "t [s]")
+"""Heads of the columns of every table of switching points."""
 
 
 def print_switches(simulation: Simulation, console: Console) -> None:
     """Print the switching points: those of a period with the limit cycle, or else the first ones."""
     motion = _motion(simulation)
-    found = [] if motion is None else [number for number, cycle in enumerate(motion.cycles) if cycle.is_published]
-    if motion is not None and found:
-        shown = found[-1]  # the last one that is comparable with the limit cycle
+    published = [] if motion is None else [number for number, cycle in enumerate(motion.cycles) if cycle.is_published]
+    if motion is not None and published:
+        shown = published[-1]  # the last period that is comparable with the limit cycle
         console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as in {motion.known.source}"))
         console.print(_published_table(motion.cycles[shown], simulation.plan.scene.contact_names))
     elif len(simulation.switches):
@@ -61,16 +62,18 @@ def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     if not motion.cycles:
         yield f"no complete period yet, from row 1 of {known.source} to the next row 1", ""
     else:
-        good = motion.published_count
-        many = f"{good} of {counted(len(motion.cycles), 'complete period')}, from row 1 to the next row 1, "
+        n_published = motion.published_count
+        count_text = (
+            f"{n_published} of {counted(len(motion.cycles), 'complete period')}, from row 1 to the next row 1, "
+        )
         points = f"the {len(known.switch_events)} switching points of {known.source} in its order"
-        yield f"{many}{'has' if good == 1 else 'have'} {points}", ""
+        yield f"{count_text}{'has' if n_published == 1 else 'have'} {points}", ""
     if not motion.count:
         yield f"the section, {section}, was not crossed twice, so there is no time from section to section", ""
         return
     last = max(1, motion.count - known.transient)
-    which = f"{_periods(last, motion.count)}, from section to section: {section} to the next {section}"
-    yield f"period   {motion.mean_period(last):.12f} s  ({which})", ""
+    periods_text = f"{_periods_text(last, motion.count)}, from section to section: {section} to the next {section}"
+    yield f"period   {motion.mean_period(last):.12f} s  ({periods_text})", ""
     yield f"descent  {motion.mean_descent(last):.12f} m", ""
     if known.matches_scene_options:
         period, descent = motion.relative_deviations(last)
@@ -78,10 +81,10 @@ def period_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield f"limit cycle {known.period:.12f} s and {known.descent:.12f} m: {deviations}", "bold"
 
 
-def _periods(last: int, count: int) -> str:
+def _periods_text(last: int, count: int) -> str:
     """Return the periods of a mean, in words."""
-    one = f"the last of {count}" if count > 1 else "the only one"
-    return f"mean of the last {last} of {count}" if last > 1 else one
+    single = f"the last of {count}" if count > 1 else "the only one"
+    return f"mean of the last {last} of {count}" if last > 1 else single
 
 
 def _motion(simulation: Simulation) -> CycleSequence | None:
@@ -99,7 +102,7 @@ def _published_table(cycle: Cycle, names: Sequence[str]) -> Table:
     for number, (event, reference, deviation) in enumerate(rows, start=1):
         table.add_row(
             str(number),
-            *_words(event, names),
+            *_switch_cells(event, names),
             f"{event.time:.9f}",
             f"{event.time - cycle.section:+.9f}",
             f"{reference.time:+.9f}",
@@ -108,12 +111,13 @@ def _published_table(cycle: Cycle, names: Sequence[str]) -> Table:
     return table
 
 
-def _switches_table(found: list[SwitchEvent], names: Sequence[str]) -> Table:
+def _switches_table(switches: list[SwitchEvent], names: Sequence[str]) -> Table:
+    """Return a table of the first ``MAX_ROWS`` switching points."""
     table = plain_table(*_HEADS)
-    for number, event in enumerate(found[:MAX_ROWS], start=1):
-        table.add_row(str(number), *_words(event, names), f"{event.time:.9f}")
-    if len(found) > MAX_ROWS:
-        table.add_row("…", f"{len(found) - MAX_ROWS} more", "", "", "", "")
+    for number, event in enumerate(switches[:MAX_ROWS], start=1):
+        table.add_row(str(number), *_switch_cells(event, names), f"{event.time:.9f}")
+    if len(switches) > MAX_ROWS:
+        table.add_row("…", f"{len(switches) - MAX_ROWS} more", "", "", "", "")
     return table
 
 
@@ -125,7 +129,7 @@ def plain_table(*heads: str) -> Table:
     return table
 
 
-def _words(event: SwitchEvent, names: Sequence[str]) -> tuple[str, str, str, str]:
+def _switch_cells(event: SwitchEvent, names: Sequence[str]) -> tuple[str, str, str, str]:
     """Return the law and contact that switch; contacts with names are counted from 1."""
     contact = f"{event.contact + 1} {names[event.contact]}" if names else str(event.contact)
     return event.law, contact, event.before, event.after

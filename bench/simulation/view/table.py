@@ -60,17 +60,17 @@ def windows(simulation: Simulation) -> Iterator[Window]:
     # a step that ends on the border of two windows up to rounding belongs to the earlier one
     number = np.maximum(np.ceil(steps["time"] / WINDOW_SECONDS - 1e-6), 1.0).astype(np.int64)
     borders = np.flatnonzero(np.diff(number)) + 1
-    missed = simulation.unsolved
+    is_unsolved = simulation.unsolved
     for first, last in zip([0, *borders], [*borders, len(steps)], strict=True):
         if first < last:
-            yield _window(simulation, slice(first, last), int(missed[first:last].sum()))
+            yield _window(simulation, slice(first, last), int(is_unsolved[first:last].sum()))
 
 
 def summary(simulation: Simulation) -> dict[str, Any]:
     """Return the summary of a simulation as plain values; overlaps are None if a file of an older format lacks them."""
     steps, plan = simulation.steps, simulation.plan
     seconds = simulation.state.time - plan.scene.start.time
-    shown = [one.name for one in plan.scene.observables if one.label and len(steps)]
+    shown = [observable.name for observable in plan.scene.observables if observable.label and len(steps)]
     overlapping = int(simulation.overlapping.sum())
     are_known = overlapping > 0 or not np.isnan(steps["overlap"]).any()
 
@@ -113,10 +113,10 @@ def _final_errors(simulation: Simulation) -> dict[str, float]:
     exact, state = simulation.plan.scene.exact, simulation.state
     if exact is None or not simulation.n_steps:
         return {}
-    known = exact(state.time)
+    exact_state = exact(state.time)
     return {
-        "position_error": float(np.abs(state.position - known.position).max()),
-        "velocity_error": float(np.abs(state.velocity - known.velocity).max()),
+        "position_error": float(np.abs(state.position - exact_state.position).max()),
+        "velocity_error": float(np.abs(state.velocity - exact_state.velocity).max()),
     }
 
 
@@ -127,7 +127,8 @@ def document(simulation: Simulation) -> dict[str, Any]:
         "file": None if simulation.file is None else str(simulation.file),
         "plan": content_of(simulation.plan.record),
         "segments": [
-            {**content_of(segment), "first": part.start + 1, "last": part.stop} for segment, part in _parts(simulation)
+            {**content_of(segment), "first": part.start + 1, "last": part.stop}
+            for segment, part in _segments_with_steps(simulation)
         ],
         "summary": summary(simulation),
         "windows": rows,
@@ -168,11 +169,11 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
 
 
 def _print_segments(simulation: Simulation, console: Console) -> None:
-    """Print the settings of each segment; the iteration limit has a column only if segments differ in it."""
+    """Print the settings of each segment; the iteration limit has a column only if it differs between segments."""
     has_limits = len({segment.max_iterations for segment in simulation.segments}) > 1
     heads = ["max iter."] if has_limits else []
     table = plain_table("steps", "stepper", "solver", "tolerance", *heads, "start", "missed")
-    for segment, part in _parts(simulation):
+    for segment, part in _segments_with_steps(simulation):
         missed = int(simulation.unsolved[part].sum())
         limits = [str(segment.max_iterations)] if has_limits else []
         table.add_row(
@@ -183,7 +184,7 @@ def _print_segments(simulation: Simulation, console: Console) -> None:
     console.print(table)
 
 
-def _parts(simulation: Simulation) -> Iterator[tuple[Segment, slice]]:
+def _segments_with_steps(simulation: Simulation) -> Iterator[tuple[Segment, slice]]:
     """Yield each segment with the indices of its steps."""
     segments = simulation.segments
     ends = [*(segment.first for segment in segments[1:]), simulation.n_steps]
@@ -229,9 +230,9 @@ def _print_windows(simulation: Simulation, console: Console) -> None:
     if not simulation.has_hidden_errors.any():
         absent.add("local")
     columns = {head: cell for head, cell in _COLUMNS.items() if head not in absent}
-    for one in simulation.plan.scene.observables:
-        if one.label:
-            columns[one.head or one.name] = _observed_cell(one)
+    for observable in simulation.plan.scene.observables:
+        if observable.label:
+            columns[observable.head or observable.name] = _observed_cell(observable)
     table = plain_table(*columns)
     for window in windows(simulation):
         styles = {"missed": "bold red"} if window.unsolved else {}
@@ -244,7 +245,7 @@ def _print_windows(simulation: Simulation, console: Console) -> None:
 def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
     """Yield the lines below the tables, such as the total and the unsolved steps, each with its style."""
     total = summary(simulation)
-    ending = _ending(simulation)
+    ending = _ending_line(simulation)
     if not total["steps"]:
         if ending is not None and simulation.failure is not None:
             yield ending
@@ -309,11 +310,11 @@ def _hidden_error_line(simulation: Simulation) -> Iterator[tuple[str, str]]:
     )
 
 
-def _ending(simulation: Simulation) -> tuple[str, str] | None:
+def _ending_line(simulation: Simulation) -> tuple[str, str] | None:
     """Return why the simulation ended early, with a style; None if it reached its duration."""
-    by_scene = simulation.scene_ending
-    if by_scene is not None:
-        return by_scene.sentence, "green" if by_scene.is_success else "bold yellow"
+    scene_ending = simulation.scene_ending
+    if scene_ending is not None:
+        return scene_ending.sentence, "green" if scene_ending.is_success else "bold yellow"
     if simulation.ending is Ending.FAILED and simulation.failure is not None:
         return simulation.failure.description, "bold red"
     if simulation.ending is Ending.STOPPED:
@@ -322,6 +323,7 @@ def _ending(simulation: Simulation) -> tuple[str, str] | None:
 
 
 def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
+    """Return the window of the steps with the indices ``part``, ``unsolved`` of which are unsolved."""
     steps = simulation.steps[part]
     last, scene = steps[-1], simulation.plan.scene
     energy = float(last["kinetic_energy"] + last["potential_energy"])
@@ -334,6 +336,8 @@ def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
         step_milliseconds=1e3 * float(steps["seconds"].mean()),
         unsolved=unsolved,
         energy=None if scene.potential_energy is None else energy,
-        observed={one.name: last[one.name].item() for one in scene.observables if one.label},
+        observed={
+            observable.name: last[observable.name].item() for observable in scene.observables if observable.label
+        },
         **{name: float(steps[name].max()) for name in largest},
     )
