@@ -1,4 +1,4 @@
-"""Keys of contacts: one integer for two bodies and a feature, which is the same in all steps."""
+"""Keys of contacts: one integer for two bodies and a feature, the same in all steps."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ class ContactKeys:
 
     Attributes:
         n_bodies: number of bodies, including fixed ones.
-        n_features: number of features of a pair.
+        n_features: largest number of features of a pair.
 
     Raises:
         ProblemError: if a number is not positive, or keys do not fit into 63 bits.
@@ -43,5 +43,5 @@ class ContactKeys:
         return first, second, feature
 
     def pairs(self, keys: IntArray) -> IntArray:
-        """Return the number of the pair of bodies of each contact, without its feature, shape (n_contacts,)."""
+        """Return i · n_bodies + j of the pair of bodies of each contact, shape (n_contacts,)."""
         return keys // self.n_features

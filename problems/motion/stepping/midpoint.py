@@ -113,7 +113,7 @@ class MidpointRule:
         """Yield ``count`` successive steps from ``state``.
 
         Raises:
-            StepError: if the system or the solver fails in one of them, or the motion is no longer finite.
+            StepError: if the system or the solver fails in a step, or the motion is no longer finite.
         """
         for _ in range(count):
             try:
@@ -147,7 +147,7 @@ def _without_rebound(contacts: ActiveContacts, inelastic: tuple[int, ...]) -> Ac
 
 
 def _matched_impulses(state: State, contacts: ActiveContacts) -> FloatArray:
-    """Return the last impulses of the contacts that persist and zero for new ones, shape (n_rows,)."""
+    """Return the last impulses of contacts that persist, and zero for new contacts, shape (n_rows,)."""
     start = np.zeros((len(contacts.keys), contacts.width))
     if state.impulses.shape[1] == contacts.width:
         _copy_matching(state.keys, state.impulses, contacts.keys, start)
