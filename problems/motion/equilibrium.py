@@ -127,7 +127,7 @@ def problem_at_rest(system: System, state: State, margin: float = 0.0) -> Contac
 
 
 def find_equilibrium(problem: ContactProblem) -> Equilibrium:
-    """Return whether forces within the laws balance the loads, with the forces or the mechanism as proof.
+    """Find forces within the laws that balance the loads, or a mechanism that proves that there are none.
 
     Args:
         problem: one step from rest with its factors and free motion, as returned by ``problem_at_rest``.
@@ -155,13 +155,13 @@ def largest_push(problem: ContactProblem, direction: FloatArray) -> Collapse:
     b, n_rows, n_dofs = np.asarray(direction, dtype=np.float64), len(scaled.unit), len(scaled.load)
     if b.shape != scaled.load.shape or not np.isfinite(b).all() or not b.any():
         raise ProblemError(f"the direction of a push must be {n_dofs} finite numbers, not all zero.")
-    standing = _least_acceleration(scaled)
-    if not standing.can_stand:
-        return Collapse(0.0, standing.forces, standing.mechanism)
+    equilibrium = _least_acceleration(scaled)
+    if not equilibrium.can_stand:
+        return Collapse(0.0, equilibrium.forces, equilibrium.mechanism)
     push = scaled.unrooted(b)
     push /= np.linalg.norm(push)
     # the unbalanced loads are subtracted, so that s = 0 is exactly feasible
-    unbalanced = scaled.unbalanced(standing.forces)
+    unbalanced = scaled.unbalanced(equilibrium.forces)
     balance = sp.hstack([-scaled.directions, -sp.csc_array(push[:, None])])
     solution = scaled.solve(
         np.append(np.zeros(n_rows), -1.0), balance, scaled.load - unbalanced, clarabel.ZeroConeT(n_dofs)

@@ -46,7 +46,7 @@ class PairMotion:
 def contact_motions(problem: ContactProblem, velocity: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which contacts slide and which open at the velocity u, shape (n_contacts,) each; joints do neither.
 
-    A contact slides if it opens no faster than sliding does in the associated model, γ_N ≤ μ ‖γ_T‖.
+    A contact slides if it opens no faster than by sliding in the associated model, γ_N ≤ μ ‖γ_T‖.
     """
     layout = problem.layout
     assert problem.factors is not None

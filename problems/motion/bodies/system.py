@@ -125,7 +125,7 @@ class StepAssembly:
         inverse_mass: M_M⁻¹.
         contacts: the active contacts, None if there are none.
         free_motion_with: maps W Λ to the free motion with h_M at the velocity (u_B + u_E)/2 of a step with these
-            impulses; None if h_M does not depend on it.
+            impulses; None if h_M is taken at u_B.
     """
 
     free_motion: FloatArray
@@ -161,7 +161,7 @@ class Overlaps:
         normals: W_N, the normal columns of W(q): in pieces, one block of one lane per contact, or, with joints, scipy
             CSC.
         inverse_mass: M⁻¹(q), whose blocks are the chunks of ``normals``.
-        joints: the joints, which are closed together with the contacts; None if there are none.
+        joints: the errors of joints, which are removed with the penetrations; None if there are no joints.
     """
 
     gap: FloatArray

@@ -17,9 +17,9 @@ MIN_SKIN, MAX_SKIN = 0.025, 0.75
 """Bounds of the skin of a ball, relative to the smallest radius."""
 
 MIN_QUERIES, MAX_QUERIES = 3.0, 15.0
-"""Bounds of the number of queries for which a search should remain valid. A step makes up to three: for contacts, and
-for overlaps before and after the projection. More queries require wider skins, which add pairs that each query must
-visit."""
+"""Bounds of the number of queries for which a search should remain valid. A step makes one query for contacts, one for
+overlaps, and one after each pass of the projection. More queries require wider skins, which add pairs that each query
+must visit."""
 
 SKIN_SHARE = 0.998
 """Share of its skin by which a ball may move; less than 1, so that no pair is missed because of rounding."""

@@ -35,7 +35,7 @@ TINY = np.array([0.0, 0.0, 1e-12])
 """Offset that defines a direction between centres that coincide [m]."""
 
 RETRY_SHARES = (0.0, 0.01, 0.1, 1.0)
-"""Distances by which bodies are moved apart until coal finds a normal, divided by the size of the smaller one."""
+"""Distances by which bodies are moved apart until coal finds a normal, divided by the size of the smaller body."""
 
 FLATNESS = 1e-3
 """Largest height of points of a patch, divided by the size of the smaller body."""
@@ -53,8 +53,8 @@ RANKING_OFFSET = np.pi / CURVED_SAMPLES
 
 def needs_coal(first: Shape, second: Shape) -> bool:
     """Return whether coal finds the contacts of two shapes."""
-    one, other = isinstance(first, Cylinder), isinstance(second, Cylinder)
-    return (one and not isinstance(second, Sphere | HalfSpace)) or (other and not isinstance(first, Sphere | HalfSpace))
+    pairs = (first, second), (second, first)
+    return any(isinstance(a, Cylinder) and not isinstance(b, Sphere | HalfSpace) for a, b in pairs)
 
 
 def find_with_coal(
@@ -80,9 +80,9 @@ def find_with_coal(
     keys: list[tuple[int, int, int]] = []
     numbers: list[FloatArray] = []
     for i, j in pairs.tolist():
-        one, other = ((shapes[body], centres[body], rotations[body]) for body in (i, j))
-        patch = list(_patch(coal, one, other, margin))
-        axes = one[2] if isinstance(one[0], Cylinder) else other[2]
+        first, second = ((shapes[body], centres[body], rotations[body]) for body in (i, j))
+        patch = list(_patch(coal, first, second, margin))
+        axes = first[2] if isinstance(first[0], Cylinder) else second[2]
         for feature, (point, normal, gap) in zip(_features(patch, axes), patch, strict=True):
             if gap < margin:
                 keys.append((i, j, feature))
@@ -133,10 +133,10 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     if len(points) == 1:
         yield points[0], normal, gap
         return
-    (one, one_offset), (other, other_offset) = _tangent_plane(*first, normal), _tangent_plane(*second, -normal)
+    (normal_a, offset_a), (normal_b, offset_b) = _tangent_plane(*first, normal), _tangent_plane(*second, -normal)
     for point in points:
-        above = (one_offset - one @ point) / (one @ normal)
-        below = (other_offset - other @ point) / (other @ -normal)
+        above = (offset_a - normal_a @ point) / (normal_a @ normal)
+        below = (offset_b - normal_b @ point) / (normal_b @ -normal)
         yield point + 0.5 * (above - below) * normal, normal, -float(above + below)
 
 

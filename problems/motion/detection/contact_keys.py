@@ -29,7 +29,8 @@ class ContactKeys:
     def __post_init__(self) -> None:
         if self.n_bodies < 1 or self.n_features < 1 or self.n_bodies**2 * self.n_features >= 2**63:
             raise ProblemError(
-                f"keys need positive numbers and 63 bits, got {self.n_bodies} bodies with {self.n_features} features."
+                f"the numbers of bodies and features must be positive, and their keys fit into 63 bits; got "
+                f"{self.n_bodies} bodies with {self.n_features} features."
             )
 
     def encode(self, first: IntArray, second: IntArray, feature: IntArray | int = 0) -> IntArray:

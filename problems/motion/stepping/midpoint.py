@@ -7,9 +7,10 @@ From t_B to t_E = t_B + Δt:
     −(G Λ + c)_i ∈ N_{C_i}(Λ_i)                             solved by any solver
     u_E = u_B + M⁻¹ (h Δt + W Λ),   q_E = q_M + u_E Δt/2
 
-χ is the target speed of motors. If h depends on the velocity, as gyroscopic moments do, the step is solved twice: with
-h of the free motion, and then with h at the velocity (u_B + u_E)/2 of the first solution. The error of Λ is O(Δt²) in
-the first solution, and that of u_E is O(Δt³) in the second. The order is therefore 2 for rotating bodies with joints.
+χ is the target speed of motors. Forces h that depend on the velocity are taken at u_B, except gyroscopic moments. With
+these, the step is solved twice: with h of the free motion, and then with h at the velocity (u_B + u_E)/2 of the first
+solution. The error of Λ is O(Δt²) in the first solution, and that of u_E is O(Δt³) in the second. The order is
+therefore 2 for rotating bodies with joints.
 
 Optionally, a projection at q_E moves penetrating bodies apart to an allowed depth and closes joints (see
 ``position_projection``).

@@ -1,8 +1,8 @@
 """Steppers: named methods with options that compute a motion from one accepted step to the next.
 
-A stepper is a frozen dataclass of its options, ``Extrapolated(tolerance=1e-8)``; ``name`` returns this text, and
-``make_stepper`` reads it. Each stepper yields ``AcceptedStep``: a fixed step has a single one-step solve and no
-switching point.
+A stepper is a frozen dataclass of its options. Its ``name`` is a text such as ``Extrapolated(tolerance=1e-8)``, which
+``make_stepper`` reads. Each stepper yields instances of ``AcceptedStep``; a fixed step has a single one-step solve and
+no switching point.
 """
 
 from abc import ABC, abstractmethod

@@ -156,6 +156,9 @@ class VariableStepper(Stepper):
             relative_error: difference of (q, u) ↦ relative error.
             levels: largest number of sequences.
 
+        Returns:
+            The attempt; its ``end`` is None if a law switches within the step.
+
         Raises:
             UnsolvedStepError: if the solver does not solve the inclusion of a step.
         """

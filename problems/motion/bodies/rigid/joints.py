@@ -189,7 +189,7 @@ class RigidJoints:
             for name, body, lowest in (("first", joint.first, 0), ("second", joint.second, WORLD)):
                 if not lowest <= body < self.n_bodies:
                     raise ProblemError(
-                        f"joint {number} names body {body} as its {name} one, but bodies are 0 to {self.n_bodies - 1}."
+                        f"joint {number} names body {body} as its {name} body, but bodies are 0 to {self.n_bodies - 1}."
                     )
             if joint.first == joint.second:
                 raise ProblemError(f"joint {number} joins body {joint.first} to itself; name another body.")
@@ -359,6 +359,7 @@ class _ActiveRows(NamedTuple):
 
 
 def _row(joint: Joint, kind: int, first_axis: Vector | FloatArray, second_axis: Vector | FloatArray) -> JointRow:
+    """Return the row of a scalar between the points of a joint; axes are in the body axes of either body."""
     points = np.array([joint.first_point, joint.second_point])
     return JointRow(kind, (joint.first, joint.second), points, np.array(first_axis), np.array(second_axis))
 

@@ -1,7 +1,7 @@
 """Boxes in containers: a drum that turns about a level axis, and a hopper with a slot.
 
-The staves of the drum are bodies on circles about the axis, ``STAVE_MASS_RATIO`` times as heavy as a box, so that
-they move as a ring at constant speed. The walls at the ends of both containers are planes without friction.
+The staves of the drum are bodies that move on circles about the axis. Each is ``STAVE_MASS_RATIO`` times as heavy as
+a box, so that they move as a ring at constant speed. The walls at the ends of both containers are planes without friction.
 
 Both reference results are wide empirical ranges. The angle of repose of most dry grains is between 25 and 45°, and
 larger for angular grains than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, *A review on the angle of repose
@@ -305,7 +305,7 @@ class Hopper(BoxContainer):
 
     @cached_property
     def flow_rate(self) -> float:
-        """Boxes per second by Beverloo's law, with the d of a sphere of the volume of a box; 0 if the boxes jam."""
+        """Boxes per second by Beverloo's law, where d belongs to the sphere with the volume of a box; 0 if D ≤ k d."""
         diameter = self.edge * (6.0 / pi) ** (1.0 / 3.0)
         free_width = max(self.outlet * self.edge - BEVERLOO_NARROWING * diameter, 0.0)
         return float(BEVERLOO_COEFFICIENT * PACKING / self.edge**3 * sqrt(self.gravity) * self.width * free_width**1.5)

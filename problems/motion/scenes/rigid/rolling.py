@@ -24,9 +24,9 @@ class RollingBody(ClosedFormScene):
     """A round body that rolls along x without slip until its rolling resistance stops it.
 
     Attributes:
-        inertia_factor: J/(m r²) about its axis.
-        upright: its initial orientation, a unit quaternion.
-        spin_axis: the axis about which it rolls, in body axes.
+        inertia_factor: J/(m r²) about the axis of rolling.
+        upright: initial orientation of the body, a unit quaternion.
+        spin_axis: the axis about which the body rolls, in body axes.
     """
 
     speed: float

@@ -56,8 +56,8 @@ class TriggerFactory:
     Attributes:
         laws: laws of the system at acceleration level.
         modes: modes of the phase.
-        armed: whether the trigger of an open contact is that its gap closes; otherwise, that the gap begins to close,
-            shape (n_contacts,).
+        armed: whether the trigger of an open contact fires when the gap closes; otherwise when the gap begins to
+            close, shape (n_contacts,).
     """
 
     laws: AccelerationLaws
