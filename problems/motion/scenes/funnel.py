@@ -1,8 +1,9 @@
 """Balls falling into a funnel (the example of Studer & Glocker 2005, section 5).
 
-The paper gives no geometry. In this scene, balls have a radius of 1 cm and a density of 2500 kg/m³. A cone with a half-
-angle of 45° and a height of 14.5 cm ends below in an outlet with a radius of 4.5 ball radii and a circular rim, and
-above in a vertical wall. The balls start on a jittered lattice with a pitch of 2.3 radii and move downwards at 1 m/s.
+The paper gives no geometry. In this scene, balls have a radius of 1 cm and a density of 2500 kg/m³. A cone with a
+half-angle of 45° and a height of 14.5 cm ends below in an outlet with a radius of 4.5 ball radii and a circular rim,
+and above in a vertical wall. The balls start on a jittered lattice with a pitch of 2.3 radii and move downwards at 1
+m/s.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,8 @@
 """Boxes in containers: a drum that turns about a level axis, and a hopper with a slot.
 
-The staves of the drum are bodies that move on circles about the axis. Each is ``STAVE_MASS_RATIO`` times as heavy as
-a box, so that they move as a ring at constant speed. The walls at the ends of both containers are planes without friction.
+The staves of the drum are bodies that move on circles about the axis. Each is ``STAVE_MASS_RATIO`` times as heavy as a
+box, so that they move as a ring at constant speed. The walls at the ends of both containers are planes without
+friction.
 
 Both reference results are wide empirical ranges. The angle of repose of most dry grains is between 25 and 45°, and
 larger for angular grains than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, *A review on the angle of repose
