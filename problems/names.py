@@ -2,9 +2,9 @@
 
 Their grammar is
 
-name     plain | plain(part, …, option=value, …)
-part     a name, possibly with options: Fallback(SORprox, NSGS(relaxation=0.5))
-value    a Python literal
+    name     plain | plain(part, …, option=value, …)
+    part     a name, possibly with options: Fallback(SORprox, NSGS(relaxation=0.5))
+    value    a Python literal
 """
 
 import ast
@@ -22,7 +22,7 @@ class Name:
     Attributes:
         plain: the name of the class, function or scene.
         options: values by name of the option.
-        parts: its parts in order; empty for most names.
+        parts: the parts in order; empty for most names.
     """
 
     plain: str
@@ -30,8 +30,8 @@ class Name:
     parts: tuple["Name", ...] = ()
 
     def __str__(self) -> str:
-        words = [*map(str, self.parts), *(f"{option}={value!r}" for option, value in self.options.items())]
-        return f"{self.plain}({', '.join(words)})" if words else self.plain
+        arguments = [*map(str, self.parts), *(f"{option}={value!r}" for option, value in self.options.items())]
+        return f"{self.plain}({', '.join(arguments)})" if arguments else self.plain
 
 
 def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -> Name:
@@ -55,7 +55,7 @@ def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -
 
 
 def check_options(owner: str, given: Iterable[str], known: Iterable[str], error: type[ProxbenchError]) -> None:
-    """Raise ``error`` for the first option that ``owner`` does not have, and suggest the nearest one."""
+    """Raise ``error`` for the first option that ``owner`` does not have, and suggest the nearest known option."""
     names = list(known)
     for option in given:
         if option not in names:
@@ -70,11 +70,12 @@ def name_with_options(thing: Any) -> str:
 
 
 def _parse(node: ast.expr) -> Name:
+    """Return the name of an expression; raise ``ValueError`` if the expression is not a name."""
     if isinstance(node, ast.Name):
         return Name(node.id)
     if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
         raise ValueError("it is not a name")
-    if any(word.arg is None for word in node.keywords):
+    if any(keyword.arg is None for keyword in node.keywords):
         raise ValueError("an option has no name")
-    options = {str(word.arg): ast.literal_eval(word.value) for word in node.keywords}
+    options = {str(keyword.arg): ast.literal_eval(keyword.value) for keyword in node.keywords}
     return Name(node.func.id, options, tuple(map(_parse, node.args)))

@@ -5,8 +5,8 @@ By Gauss's principle of least constraint, find the Λ with the least acceleratio
     minimise ‖h + W Λ‖_{M⁻¹}  over  Λ ∈ K,      K = {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μ Λ_N} per contact, Λ free in joints.
 
 The bodies can stand iff the minimum is 0. Otherwise the remaining acceleration u = M⁻¹ (h + W Λ) is a mechanism
-and proves that no Λ balances: the loads do work on it, hᵀu > 0, and contacts and joints absorb none, Wᵀu ∈ K*, or not
-enough if friction has a fixed bound a. Limit analysis calls it the collapse mechanism of the associated model.
+and proves that no Λ balances the loads: these do work on it, hᵀu > 0, and contacts and joints absorb no work, Wᵀu ∈ K*,
+or too little if friction has a fixed bound a. Limit analysis calls u the collapse mechanism of the associated model.
 
 Rest requires only that Λ lies in K, so "cannot stand" is exact for Coulomb friction. "Can stand" means that rest is
 one motion that the laws allow. Rest may be unstable. Unless the mechanism consists of hinges, other motions may also
@@ -106,7 +106,7 @@ def problem_at_rest(system: System, state: State, margin: float = 0.0) -> Contac
 
     Args:
         system: the bodies.
-        state: their positions; velocities count as zero.
+        state: the positions of the bodies; velocities count as zero.
         margin: gap [m] below which contacts count as closed.
 
     Raises:
@@ -127,7 +127,7 @@ def problem_at_rest(system: System, state: State, margin: float = 0.0) -> Contac
 
 
 def find_equilibrium(problem: ContactProblem) -> Equilibrium:
-    """Return whether forces within the laws balance the loads, with the forces or the mechanism as proof.
+    """Find forces within the laws that balance the loads, or a mechanism that proves that there are none.
 
     Args:
         problem: one step from rest with its factors and free motion, as returned by ``problem_at_rest``.
@@ -155,15 +155,17 @@ def largest_push(problem: ContactProblem, direction: FloatArray) -> Collapse:
     b, n_rows, n_dofs = np.asarray(direction, dtype=np.float64), len(scaled.unit), len(scaled.load)
     if b.shape != scaled.load.shape or not np.isfinite(b).all() or not b.any():
         raise ProblemError(f"the direction of a push must be {n_dofs} finite numbers, not all zero.")
-    standing = _least_acceleration(scaled)
-    if not standing.can_stand:
-        return Collapse(0.0, standing.forces, standing.mechanism)
+    equilibrium = _least_acceleration(scaled)
+    if not equilibrium.can_stand:
+        return Collapse(0.0, equilibrium.forces, equilibrium.mechanism)
     push = scaled.unrooted(b)
     push /= np.linalg.norm(push)
     # the unbalanced loads are subtracted, so that s = 0 is exactly feasible
-    left = scaled.unbalanced(standing.forces)
+    unbalanced = scaled.unbalanced(equilibrium.forces)
     balance = sp.hstack([-scaled.directions, -sp.csc_array(push[:, None])])
-    solution = scaled.solve(np.append(np.zeros(n_rows), -1.0), balance, scaled.load - left, clarabel.ZeroConeT(n_dofs))
+    solution = scaled.solve(
+        np.append(np.zeros(n_rows), -1.0), balance, scaled.load - unbalanced, clarabel.ZeroConeT(n_dofs)
+    )
     if solution.status in _UNBOUNDED:
         return Collapse(np.inf, np.full(n_rows, np.nan), np.full(n_dofs, np.nan))
     _require_solved(solution)
@@ -203,7 +205,7 @@ def bisect(holds: Callable[[float], bool], low: float, high: float, accuracy: fl
         holds: the condition, false at ``low`` and true at ``high``.
         low: lower end of the bracket.
         high: upper end of the bracket.
-        accuracy: its final width.
+        accuracy: final width of the bracket.
     """
     while high - low > accuracy:
         middle = 0.5 * (low + high)
@@ -267,8 +269,8 @@ class _ScaledProblem:
 
     def unbalanced(self, forces: FloatArray) -> FloatArray:
         """Return the unbalanced loads, Sᵀ (h + W Λ) / size, shape (n_dofs,)."""
-        left: FloatArray = self.load + self.directions @ (forces / self.unit)
-        return left
+        unbalanced: FloatArray = self.load + self.directions @ (forces / self.unit)
+        return unbalanced
 
     def solve(self, objective: FloatArray, balance: Any, offset: FloatArray, cone: Any) -> Any:
         """Minimise objective · x over x = (y, one further variable), with offset − balance x in ``cone`` and y in K."""
@@ -278,9 +280,9 @@ class _ScaledProblem:
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads, settings.max_iter = False, 1, MAX_ITERATIONS
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = SOLVER_ACCURACY
-        nothing = sp.csc_matrix((len(objective), len(objective)))
+        no_quadratic_term = sp.csc_matrix((len(objective), len(objective)))
         bounds = np.concatenate([offset, offsets])
-        return clarabel.DefaultSolver(nothing, objective, matrix, bounds, [cone, *cones], settings).solve()
+        return clarabel.DefaultSolver(no_quadratic_term, objective, matrix, bounds, [cone, *cones], settings).solve()
 
     def _cones(self) -> tuple[Any, FloatArray, list[Any]]:
         """Return A, b and cones with b − A y in the cones iff Λ ∈ K; each friction law has a second-order cone."""
@@ -289,27 +291,27 @@ class _ScaledProblem:
         is_friction, has_bound = laws.sets == BALL, (coefficient > 0.0) | (fixed > 0.0)
         normals, frozen = np.flatnonzero(laws.is_unilateral), np.flatnonzero(is_friction & ~has_bound)
         balls = np.flatnonzero(is_friction & has_bound)
-        signed, zero, inside = (_rows_of(laws, chosen) for chosen in (normals, frozen, balls))
-        n_plain, lengths = len(signed) + len(zero), 1 + laws.row_count[balls]
+        normal_rows, zero_rows, ball_rows = (_rows_of(laws, indices) for indices in (normals, frozen, balls))
+        n_plain, lengths = len(normal_rows) + len(zero_rows), 1 + laws.row_count[balls]
         tops = n_plain + np.cumsum(lengths) - lengths
         n_constraints = n_plain + int(lengths.sum())
-        others = np.setdiff1d(np.arange(n_plain, n_constraints), tops)
-        rows = np.concatenate([np.arange(n_plain), others, tops])
-        columns = np.concatenate([signed, zero, inside, laws.first_row[laws.partner[balls]]])
-        values = np.concatenate([np.full(n_plain + len(others), -1.0), -coefficient[balls]])
+        members = np.setdiff1d(np.arange(n_plain, n_constraints), tops)
+        rows = np.concatenate([np.arange(n_plain), members, tops])
+        columns = np.concatenate([normal_rows, zero_rows, ball_rows, laws.first_row[laws.partner[balls]]])
+        values = np.concatenate([np.full(n_plain + len(members), -1.0), -coefficient[balls]])
         offsets = np.zeros(n_constraints)
         offsets[tops] = fixed[balls]
-        cones = [clarabel.NonnegativeConeT(len(signed))] if len(signed) else []
-        cones += [clarabel.ZeroConeT(len(zero))] if len(zero) else []
+        cones = [clarabel.NonnegativeConeT(len(normal_rows))] if len(normal_rows) else []
+        cones += [clarabel.ZeroConeT(len(zero_rows))] if len(zero_rows) else []
         cones += [clarabel.SecondOrderConeT(length) for length in lengths.tolist()]
         return sp.csc_array((values, (rows, columns)), shape=(n_constraints, len(self.unit))), offsets, cones
 
 
-def _rows_of(laws: Laws, chosen: IntArray) -> IntArray:
-    """Return the rows of some laws, law by law."""
-    counts = laws.row_count[chosen]
+def _rows_of(laws: Laws, law_indices: IntArray) -> IntArray:
+    """Return the rows of the laws with the indices ``law_indices``, law by law."""
+    counts = laws.row_count[law_indices]
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    rows: IntArray = np.repeat(laws.first_row[chosen], counts) + within
+    rows: IntArray = np.repeat(laws.first_row[law_indices], counts) + within
     return rows
 
 

@@ -44,9 +44,9 @@ class PairMotion:
 
 
 def contact_motions(problem: ContactProblem, velocity: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which contacts slide and which open under u, shape (n_contacts,) each; joints do neither.
+    """Return which contacts slide and which open at the velocity u, shape (n_contacts,) each; joints do neither.
 
-    A contact slides if it opens no faster than sliding does in the associated model, γ_N ≤ μ ‖γ_T‖.
+    A contact slides if it opens no faster than by sliding in the associated model, γ_N ≤ μ ‖γ_T‖.
     """
     layout = problem.layout
     assert problem.factors is not None
@@ -63,7 +63,7 @@ def contact_motions(problem: ContactProblem, velocity: FloatArray) -> tuple[NDAr
 
 
 def pair_motions(problem: ContactProblem, velocity: FloatArray) -> list[PairMotion]:
-    """Return the pairs of bodies that move relative to each other under u, in the order of their numbers.
+    """Return the pairs of bodies that move relative to each other at the velocity u, in the order of their numbers.
 
     Bodies are the chunks of W; a system without bodies has none.
     """
@@ -77,7 +77,7 @@ def pair_motions(problem: ContactProblem, velocity: FloatArray) -> list[PairMoti
         moving = [body for body in touched if body < pieces.n_chunks]
         pair = (moving[0], moving[-1]) if len(moving) > 1 else (FIXED, moving[0])
         states.setdefault(pair, []).append((bool(slides[contact]), bool(opens[contact])))
-    return [PairMotion(pair, motion) for pair, found in sorted(states.items()) if (motion := _motion(found))]
+    return [PairMotion(pair, motion) for pair, contacts in sorted(states.items()) if (motion := _motion(contacts))]
 
 
 def _pieces_of_bodies(problem: ContactProblem) -> Pieces | None:
@@ -98,7 +98,7 @@ def _motion(contacts: Sequence[tuple[bool, bool]]) -> Motion | None:
 
 
 def free_bodies(problem: ContactProblem, velocity: FloatArray) -> list[int]:
-    """Return the numbers of the bodies that move under u and have neither contacts nor joints, ascending."""
+    """Return the numbers of the bodies that move at the velocity u and have neither contacts nor joints, ascending."""
     pieces = _pieces_of_bodies(problem)
     if pieces is None:
         return []
@@ -109,7 +109,7 @@ def free_bodies(problem: ContactProblem, velocity: FloatArray) -> list[int]:
 
 
 def mechanism_text(problem: ContactProblem, velocity: FloatArray) -> str:
-    """Return a description of the motion under u, such as ``"hinges at fixed-0, 2-3, 4-5, fixed-6"``."""
+    """Return a description of the motion with the velocity u, such as ``"hinges at fixed-0, 2-3, 4-5, fixed-6"``."""
     pairs = pair_motions(problem, velocity)
     parts = [f"{motion} at {_listed(names)}" for motion in Motion if (names := _names(pairs, motion))]
     free = free_bodies(problem, velocity)
@@ -121,19 +121,21 @@ def mechanism_text(problem: ContactProblem, velocity: FloatArray) -> str:
         return "no contact is closed"
     moving = zip(("slide", "open"), contact_motions(problem, velocity), strict=True)
     counts = [
-        f"contacts that {verb}: {int(which.sum())} of {problem.n_contacts}" for verb, which in moving if which.any()
+        f"contacts that {verb}: {int(is_moving.sum())} of {problem.n_contacts}"
+        for verb, is_moving in moving
+        if is_moving.any()
     ]
     return "; ".join(counts) or "no contact slides or opens"
 
 
 def _names(pairs: Sequence[PairMotion], motion: Motion) -> list[str]:
     return [
-        "-".join("fixed" if body == FIXED else str(body) for body in one.bodies)
-        for one in pairs
-        if one.motion is motion
+        "-".join("fixed" if body == FIXED else str(body) for body in pair.bodies)
+        for pair in pairs
+        if pair.motion is motion
     ]
 
 
 def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
-    return ", ".join(names[:MAX_LISTED]) + more
+    remainder = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return ", ".join(names[:MAX_LISTED]) + remainder

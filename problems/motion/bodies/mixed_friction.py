@@ -1,8 +1,8 @@
 """Friction coefficients that vary between pairs of bodies.
 
 The coefficient of a pair, two balls or a ball and a surface, is computed from a hash of the pair's key and a seed
-(SplitMix64: Steele, Lea & Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014). So a pair keeps its
-coefficient from step to step, even if it separates and touches again, and has the same one on all machines.
+(SplitMix64: Steele, Lea & Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014). A pair
+therefore keeps its coefficient from step to step, even if its bodies separate and touch again, and on all machines.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,9 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...errors import ProblemError
 
-_GAMMA, _FIRST, _SECOND = (np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+_GAMMA, _FIRST_FACTOR, _SECOND_FACTOR = (
+    np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,17 +43,17 @@ class MixedFriction:
             raise ProblemError(f"the seed of the coefficients must be from 0 to 2⁶⁴ − 1, got {self.seed}.")
 
     def __call__(self, pairs: IntArray) -> FloatArray:
-        """Return μ of each contact, shape (n_contacts,), from the key of its pair of bodies."""
+        """Return μ of each contact from the keys of the pairs of bodies, both of shape (n_contacts,)."""
         with np.errstate(over="ignore"):
-            bits = (pairs.astype(np.uint64) + np.uint64(1)) * _GAMMA + _mixed(np.array([self.seed], dtype=np.uint64))
-        share = (_mixed(bits) >> np.uint64(11)).astype(np.float64) * 2.0**-53
-        coefficients: FloatArray = self.lowest + (self.highest - self.lowest) * share
+            bits = (pairs.astype(np.uint64) + np.uint64(1)) * _GAMMA + _hash(np.array([self.seed], dtype=np.uint64))
+        fraction = (_hash(bits) >> np.uint64(11)).astype(np.float64) * 2.0**-53
+        coefficients: FloatArray = self.lowest + (self.highest - self.lowest) * fraction
         return coefficients
 
 
-def _mixed(bits: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:
+def _hash(bits: np.ndarray[tuple[int], np.dtype[np.uint64]]) -> np.ndarray[tuple[int], np.dtype[np.uint64]]:
     """Return the 64-bit hash of each number."""
     with np.errstate(over="ignore"):
-        bits = (bits ^ (bits >> np.uint64(30))) * _FIRST
-        bits = (bits ^ (bits >> np.uint64(27))) * _SECOND
+        bits = (bits ^ (bits >> np.uint64(30))) * _FIRST_FACTOR
+        bits = (bits ^ (bits >> np.uint64(27))) * _SECOND_FACTOR
     return bits ^ (bits >> np.uint64(31))

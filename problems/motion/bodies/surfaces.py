@@ -10,14 +10,19 @@ from numba import njit
 from ...arrays import FloatArray, IntArray
 
 SurfaceContacts = tuple[IntArray, FloatArray, FloatArray]
-"""Balls that touch, shape (m,), their gaps [m], shape (m,), and unit normals from surface to centre, shape (m, d)."""
+"""Balls that touch a surface and their gaps [m], shapes (m,), and unit normals from surface to centre, shape (m, d)."""
 
 
 class Surface(Protocol):
     """A fixed surface."""
 
     def find_contacts(self, centres: FloatArray, radii: FloatArray) -> SurfaceContacts:
-        """Return the balls at ``centres``, shape (n, d), that overlap the surface, with gaps and normals."""
+        """Return the balls that overlap the surface, with gaps and normals.
+
+        Args:
+            centres: x of all balls [m], shape (n, d).
+            radii: r of all balls [m], shape (n,).
+        """
         ...
 
 
@@ -56,7 +61,10 @@ class Segment:
     side: int = 0
 
     def find_contacts(self, centres: FloatArray, radii: FloatArray) -> SurfaceContacts:
-        """Return the balls beside the segment, closer to it than r on either side of it; normals point to the axis."""
+        """Return the balls beside the segment whose distance from it, on either side, is less than r.
+
+        Normals point towards the axis, even if a centre is behind the wall.
+        """
         span = (self.upper[0] - self.lower[0], self.upper[1] - self.lower[1])
         length = math.hypot(*span)
         along = (span[0] / length, span[1] / length)

@@ -75,11 +75,11 @@ class ActiveContacts:
 
     @property
     def n_contacts(self) -> int:
-        """Number of contacts, without joints."""
+        """Number of contacts and limits of joints, without the joints themselves."""
         return len(self.keys) if self.row_counts is None else int(self.is_contact.sum())
 
     def normals(self, rows: FloatArray) -> FloatArray:
-        """Return the first value of each contact, without joints, from a vector over rows, shape (n_contacts,)."""
+        """Return the first value of each contact or limit, shape (n_contacts,), from a vector over rows."""
         return rows[:: self.width] if self.row_counts is None else rows[self.first_rows[self.is_contact]]
 
     def lanes(self, rows: FloatArray) -> FloatArray:
@@ -100,14 +100,14 @@ class ActiveContacts:
 
     def times(self, impulses: FloatArray) -> FloatArray:
         """Return W Λ, shape (n_dofs,)."""
-        given = self.directions
-        product: FloatArray = given.times(impulses) if isinstance(given, Pieces) else given @ impulses
+        w = self.directions
+        product: FloatArray = w.times(impulses) if isinstance(w, Pieces) else w @ impulses
         return product
 
     def transposed_times(self, velocity: FloatArray) -> FloatArray:
         """Return Wᵀ u [m/s], shape (n_rows,)."""
-        given = self.directions
-        product: FloatArray = given.transposed_times(velocity) if isinstance(given, Pieces) else given.T @ velocity
+        w = self.directions
+        product: FloatArray = w.transposed_times(velocity) if isinstance(w, Pieces) else w.T @ velocity
         return product
 
     @cached_property
@@ -125,7 +125,7 @@ class StepAssembly:
         inverse_mass: M_M⁻¹.
         contacts: the active contacts, None if there are none.
         free_motion_with: maps W Λ to the free motion with h_M at the velocity (u_B + u_E)/2 of a step with these
-            impulses; None if h_M does not depend on it.
+            impulses; None if h_M is taken at u_B.
     """
 
     free_motion: FloatArray
@@ -161,7 +161,7 @@ class Overlaps:
         normals: W_N, the normal columns of W(q): in pieces, one block of one lane per contact, or, with joints, scipy
             CSC.
         inverse_mass: M⁻¹(q), whose blocks are the chunks of ``normals``.
-        joints: the joints, which are closed together with the contacts; None if there are none.
+        joints: the errors of joints, which are removed with the penetrations; None if there are no joints.
     """
 
     gap: FloatArray
@@ -174,7 +174,7 @@ class System(Protocol):
     """The interface of a system to steppers."""
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
-        """Return q + u · seconds."""
+        """Return q after a motion with the constant velocity u for ``seconds`` [s]."""
         ...
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
@@ -293,7 +293,7 @@ class MechanicalSystem:
         return np.flatnonzero(near), gap[near]
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
-        """Return the contacts with g(q) < 0, or None if none of them is deeper than ``tolerated`` [m].
+        """Return the contacts with g(q) < 0, or None if none is deeper than ``tolerated`` [m].
 
         Raises:
             ProblemError: as ``assemble``, for M, g and W.
@@ -374,7 +374,7 @@ class MechanicalSystem:
         return self._active[pattern]
 
     def _laws(self, contacts: IntArray) -> Laws:
-        """Return the laws of some contacts and of all joints."""
+        """Return the laws of the contacts with the indices ``contacts``, and of all joints."""
         friction = np.asarray(self.friction)[contacts]
         if self.has_equal_rows:
             return Laws.contacts(friction, self.width, len(contacts))
@@ -384,7 +384,7 @@ class MechanicalSystem:
 
 
 def _checked_values(what: str, values: FloatArray, shape: tuple[int, ...], explanation: str) -> FloatArray:
-    """Return ``values``, or raise ``ProblemError`` for a wrong shape, with an ``explanation`` of it, or for NaN."""
+    """Return ``values``; raise ``ProblemError`` if their shape is not the explained one, or they contain NaN."""
     if np.shape(values) != shape:
         raise ProblemError(f"the shape of the {what} is {np.shape(values)}, not {shape}: {explanation}.")
     if np.isnan(values).any():

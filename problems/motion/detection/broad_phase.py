@@ -1,4 +1,4 @@
-"""Detection of overlapping balls by a cell list, in time and memory proportional to the number of balls.
+"""Detection of overlapping balls or bounding spheres by a cell list, in time and memory proportional to their number.
 
 Cells are as wide as the largest ball. Balls are sorted by the number of their cell. Neighbours along the first axis
 have consecutive numbers, so the search visits a few ranges of cells per ball. The starts of these ranges only
@@ -17,9 +17,9 @@ MIN_SKIN, MAX_SKIN = 0.025, 0.75
 """Bounds of the skin of a ball, relative to the smallest radius."""
 
 MIN_QUERIES, MAX_QUERIES = 3.0, 15.0
-"""Bounds of the number of queries for which a search should remain valid. A step makes up to three: for contacts, and
-for overlaps before and after the projection. More queries require wider skins, which add pairs that each query must
-visit."""
+"""Bounds of the number of queries for which a search should remain valid. A step makes one query for contacts, one for
+overlaps, and one after each pass of the projection. More queries require wider skins, which add pairs that each query
+must visit."""
 
 SKIN_SHARE = 0.998
 """Share of its skin by which a ball may move; less than 1, so that no pair is missed because of rounding."""
@@ -29,10 +29,10 @@ SPEED_MARGIN = 1.1
 
 
 class NearPairs:
-    """Pairs of balls that may overlap. The search is repeated when balls have moved far enough to form new pairs.
+    """Pairs of balls that may overlap; the search is repeated when balls have moved far enough to form new pairs.
 
     Each ball has a skin. Pairs are near if their gap is less than the sum of both skins, so a search remains valid
-    until a ball has moved farther than its own skin. Skins are proportional to the speeds of their balls since the last
+    until a ball moves farther than its own skin. Skins are proportional to the speeds of their balls since the last
     search, within bounds, so that a few fast balls add few pairs to those of many slow ones. Skins should suffice for
     as many queries as the upper bound allows for the fastest ball, between ``MIN_QUERIES`` and ``MAX_QUERIES``.
     """
@@ -42,22 +42,25 @@ class NearPairs:
         smallest = float(radii.min(initial=np.inf))
         self._bounds = MIN_SKIN * smallest, MAX_SKIN * smallest
         self._skins, self._queries = np.full(len(radii), self._bounds[0]), 0
-        self._found: tuple[FloatArray, IntArray] | None = None
+        self._last_search: tuple[FloatArray, IntArray] | None = None
 
     def at(self, centres: FloatArray) -> IntArray:
-        """Return pairs i < j, sorted by i, then j, shape (n_pairs, 2): all that overlap, and some that do not.
+        """Return the pairs of near balls: all that overlap, and some that do not.
 
         Args:
             centres: x [m], shape (n, 2) or (n, 3).
+
+        Returns:
+            Pairs i < j, sorted by i, then j, shape (n_pairs, 2).
         """
         self._queries += 1
-        if self._found is not None:
-            if _are_within(self._skins, self._found[0], centres):
-                return self._found[1]
-            self._skins = _skins(self._found[0], centres, self._queries, *self._bounds)
+        if self._last_search is not None:
+            if _are_within(self._skins, self._last_search[0], centres):
+                return self._last_search[1]
+            self._skins = _skins(self._last_search[0], centres, self._queries, *self._bounds)
         self._queries = 0
-        self._found = centres.copy(), overlapping_pairs(centres, self._radii + self._skins)
-        return self._found[1]
+        self._last_search = centres.copy(), overlapping_pairs(centres, self._radii + self._skins)
+        return self._last_search[1]
 
 
 def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
@@ -75,13 +78,13 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
         return np.zeros((0, 2), dtype=np.int64)
     number, extent_x, extent_y, n_cells = _cell_numbers(centres, 2.0 * radii.max())
     order = _counting_sort(number, n_cells) if n_cells <= CELLS_PER_BALL * n else np.argsort(number, kind="stable")
-    found = np.empty((USUAL_PAIRS * n, 2), dtype=np.int64)
+    buffer = np.empty((USUAL_PAIRS * n, 2), dtype=np.int64)
     arguments = centres, radii, order, number, extent_x, extent_y
-    count = _write_pairs(*arguments, found)
-    if count > len(found):
-        found = np.empty((count, 2), dtype=np.int64)
-        _write_pairs(*arguments, found)
-    pairs: IntArray = _sorted_pairs(found[:count], n)
+    count = _write_pairs(*arguments, buffer)
+    if count > len(buffer):
+        buffer = np.empty((count, 2), dtype=np.int64)
+        _write_pairs(*arguments, buffer)
+    pairs: IntArray = _sorted_pairs(buffer[:count], n)
     return pairs
 
 
@@ -108,35 +111,35 @@ CELLS_PER_BALL = 64
 
 
 @njit(cache=True)
-def _are_within(skins, centres, others):  # type: ignore[no-untyped-def]
-    """Return whether no ball is farther than its skin from its place in ``centres``; False if a coordinate is NaN."""
+def _are_within(skins, centres, moved_centres):  # type: ignore[no-untyped-def]
+    """Return whether all balls are within their skins of ``centres``; False if a coordinate is NaN."""
     n, dim = centres.shape
     for i in range(n):
         squared = 0.0
         for axis in range(dim):
-            squared += (centres[i, axis] - others[i, axis]) ** 2
+            squared += (centres[i, axis] - moved_centres[i, axis]) ** 2
         if not squared <= (SKIN_SHARE * skins[i]) ** 2:
             return False
     return True
 
 
 @njit(cache=True)
-def _skins(centres, others, queries, smallest, largest):  # type: ignore[no-untyped-def]
-    """Return the skins for balls that moved from ``centres`` to ``others`` within a number of queries."""
+def _skins(centres, moved_centres, queries, smallest, largest):  # type: ignore[no-untyped-def]
+    """Return the skins for balls that moved from ``centres`` to ``moved_centres`` within a number of queries."""
     n, dim = centres.shape
     skins, farthest = np.empty(n), 0.0
     for i in range(n):
         squared = 0.0
         for axis in range(dim):
-            squared += (centres[i, axis] - others[i, axis]) ** 2
+            squared += (centres[i, axis] - moved_centres[i, axis]) ** 2
         skins[i] = SPEED_MARGIN * np.sqrt(squared) / queries  # for one query
         farthest = max(farthest, skins[i])
-    lasting = MIN_QUERIES
+    n_queries = MIN_QUERIES
     if MIN_QUERIES * farthest < largest:
-        lasting = MAX_QUERIES if MAX_QUERIES * farthest < largest else largest / farthest
+        n_queries = MAX_QUERIES if MAX_QUERIES * farthest < largest else largest / farthest
     for i in range(n):
-        wanted = lasting * skins[i]
-        skins[i] = smallest if not wanted > smallest else min(wanted, largest)
+        skin = n_queries * skins[i]
+        skins[i] = smallest if not skin > smallest else min(skin, largest)
     return skins
 
 
@@ -190,12 +193,12 @@ def _write_pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # t
     forward.
     """
     n, dim = centres.shape
-    places, cells = np.zeros((n, 4)), np.empty(n, dtype=np.int64)  # in the order of cells, for local memory access
+    balls, cells = np.zeros((n, 4)), np.empty(n, dtype=np.int64)  # in the order of cells, for local memory access
     for a in range(n):
         cells[a] = number[order[a]]
         for axis in range(dim):
-            places[a, axis] = centres[order[a], axis]
-        places[a, 3] = radii[order[a]]
+            balls[a, axis] = centres[order[a], axis]
+        balls[a, 3] = radii[order[a]]
     count, capacity = 0, len(pairs)
     for row in (0, extent_x, extent_x * (extent_y - 1), extent_x * extent_y, extent_x * (extent_y + 1)):
         begin = 0
@@ -204,11 +207,11 @@ def _write_pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # t
             begin = max(begin, a + 1)
             while begin < n and cells[begin] < lowest:
                 begin += 1
-            x, y, z, r = places[a]
+            x, y, z, r = balls[a]
             for b in range(begin, n):
                 if cells[b] > lowest + 2:
                     break
-                dx, dy, dz, reach = x - places[b, 0], y - places[b, 1], z - places[b, 2], r + places[b, 3]
+                dx, dy, dz, reach = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2], r + balls[b, 3]
                 if dx * dx + dy * dy + dz * dz < reach * reach:
                     if count < capacity:
                         i, j = order[a], order[b]
@@ -225,16 +228,16 @@ def _sorted_pairs(pairs, n):  # type: ignore[no-untyped-def]
         begin[pairs[k, 0] + 1] += 1
     for i in range(n):
         begin[i + 1] += begin[i]
-    ends, found = begin[:-1].copy(), np.empty_like(pairs)
+    ends, sorted_pairs = begin[:-1].copy(), np.empty_like(pairs)
     for k in range(len(pairs)):
         i, j = pairs[k]
-        at = ends[i]
+        slot = ends[i]
         ends[i] += 1
-        while at > begin[i] and found[at - 1, 1] > j:
-            found[at, 0], found[at, 1] = i, found[at - 1, 1]
-            at -= 1
-        found[at, 0], found[at, 1] = i, j
-    return found
+        while slot > begin[i] and sorted_pairs[slot - 1, 1] > j:
+            sorted_pairs[slot, 0], sorted_pairs[slot, 1] = i, sorted_pairs[slot - 1, 1]
+            slot -= 1
+        sorted_pairs[slot, 0], sorted_pairs[slot, 1] = i, j
+    return sorted_pairs
 
 
 @njit(cache=True)
@@ -242,25 +245,25 @@ def _with_fixed(moving, centres, radii, n_moving, margin, excluded):  # type: ig
     """Return the sorted pairs of moving bodies with each other and with fixed ones, without the excluded pairs."""
     n = len(centres)
     pairs = np.empty((len(moving) + n_moving * (n - n_moving), 2), dtype=np.int64)
-    count, at, left_out = 0, 0, 0
+    count, begin, next_excluded = 0, 0, 0
     for i in range(n_moving):
-        end = at
+        end = begin
         while end < len(moving) and moving[end, 0] == i:
             end += 1
-        for k in range(end - at + n - n_moving):
-            if k < end - at:
-                j = moving[at + k, 1]
+        for k in range(end - begin + n - n_moving):
+            if k < end - begin:
+                j = moving[begin + k, 1]
             else:
-                j, squared = n_moving + k - (end - at), 0.0
+                j, squared = n_moving + k - (end - begin), 0.0
                 for axis in range(3):
                     squared += (centres[i, axis] - centres[j, axis]) ** 2
                 if not np.sqrt(squared) < radii[i] + radii[j] + margin:
                     continue
-            while left_out < len(excluded) and excluded[left_out] < i * n + j:
-                left_out += 1
-            if left_out < len(excluded) and excluded[left_out] == i * n + j:
+            while next_excluded < len(excluded) and excluded[next_excluded] < i * n + j:
+                next_excluded += 1
+            if next_excluded < len(excluded) and excluded[next_excluded] == i * n + j:
                 continue
             pairs[count, 0], pairs[count, 1] = i, j
             count += 1
-        at = end
+        begin = end
     return pairs[:count]

@@ -13,11 +13,11 @@ def dot(a, b):  # type: ignore[no-untyped-def]
 def clip(polygon, edges, n, across, limit, slack, number, left, left_edges):  # type: ignore[no-untyped-def]
     """Write the part of a polygon below a plane, and the number of the edge that leaves each of its corners.
 
-    An edge from a corner within the slack above the plane to one beyond the slack is cut at the former.
+    If an edge leaves the slack from a corner between the plane and the slack, it is cut at that corner.
 
     Args:
         polygon: corners; only the first ``n`` are used.
-        edges: number of the edge that leaves each of them.
+        edges: number of the edge that leaves each corner.
         n: number of corners.
         across: normal of the plane.
         limit: its distance from the origin along the normal.
@@ -32,16 +32,16 @@ def clip(polygon, edges, n, across, limit, slack, number, left, left_edges):  # 
     m = 0
     for k in range(n):
         here, there = polygon[k], polygon[(k + 1) % n]
-        over, next_over = dot(across, here) - limit, dot(across, there) - limit
-        if over <= slack:
+        height, next_height = dot(across, here) - limit, dot(across, there) - limit
+        if height <= slack:
             left_edges[m] = edges[k]
             for axis in range(3):
                 left[m, axis] = here[axis]
             m += 1
-        if (over <= slack) != (next_over <= slack):
-            share = min(max(over / (over - next_over), 0.0), 1.0)
+        if (height <= slack) != (next_height <= slack):
+            fraction = min(max(height / (height - next_height), 0.0), 1.0)
             for axis in range(3):
-                left[m, axis] = here[axis] + share * (there[axis] - here[axis])
-            left_edges[m] = number if over <= slack else edges[k]
+                left[m, axis] = here[axis] + fraction * (there[axis] - here[axis])
+            left_edges[m] = number if height <= slack else edges[k]
             m += 1
     return m

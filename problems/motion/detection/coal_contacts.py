@@ -35,25 +35,26 @@ TINY = np.array([0.0, 0.0, 1e-12])
 """Offset that defines a direction between centres that coincide [m]."""
 
 RETRY_SHARES = (0.0, 0.01, 0.1, 1.0)
-"""Distances by which bodies are moved apart until coal finds a normal, divided by the size of the smaller one."""
+"""Distances by which bodies are moved apart until coal finds a normal, divided by the size of the smaller body."""
 
 FLATNESS = 1e-3
 """Largest height of points of a patch, divided by the size of the smaller body."""
 
 NEARLY_ALONG = 1.0 - 1e-5
-"""Cosine of the largest angle to the contact normal at which the tangent plane of a shape gives its heights."""
+"""Cosine of the largest angle between the contact normal and a face at which the face defines the heights of points;
+at larger angles, a plane normal to the contact normal defines them."""
 
 END = 0.7
 """Cosine of the largest angle between contact normal and axis at which a cylinder touches with its end."""
 
 RANKING_OFFSET = np.pi / CURVED_SAMPLES
-"""Angle before the first axis from which points of a patch are ranked [rad]; coal returns no points of an end there."""
+"""Points of a patch are ranked from this angle [rad] before the first axis, where coal returns no points of an end."""
 
 
 def needs_coal(first: Shape, second: Shape) -> bool:
     """Return whether coal finds the contacts of two shapes."""
-    one, other = isinstance(first, Cylinder), isinstance(second, Cylinder)
-    return (one and not isinstance(second, Sphere | HalfSpace)) or (other and not isinstance(first, Sphere | HalfSpace))
+    pairs = (first, second), (second, first)
+    return any(isinstance(a, Cylinder) and not isinstance(b, Sphere | HalfSpace) for a, b in pairs)
 
 
 def find_with_coal(
@@ -79,9 +80,9 @@ def find_with_coal(
     keys: list[tuple[int, int, int]] = []
     numbers: list[FloatArray] = []
     for i, j in pairs.tolist():
-        one, other = ((shapes[body], centres[body], rotations[body]) for body in (i, j))
-        patch = list(_patch(coal, one, other, margin))
-        axes = one[2] if isinstance(one[0], Cylinder) else other[2]
+        first, second = ((shapes[body], centres[body], rotations[body]) for body in (i, j))
+        patch = list(_patch(coal, first, second, margin))
+        axes = first[2] if isinstance(first[0], Cylinder) else second[2]
         for feature, (point, normal, gap) in zip(_features(patch, axes), patch, strict=True):
             if gap < margin:
                 keys.append((i, j, feature))
@@ -99,43 +100,43 @@ def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tu
     """
     size = min(first[0].bounding_radius, second[0].bounding_radius)
     directions = _directions(first, second)
-    separations = _separation(first, second, directions)
+    separations = _separations(first, second, directions)
     best = int(np.argmax(separations))
     gap = least_gap = float(separations[best])
     if least_gap > margin:
         return
     # for bodies that penetrate deeply, coal finds the smallest penetration only at the given poses
-    way = (PROBE_GAP * size - least_gap) * directions[best] if abs(least_gap) < PROBE_GAP * size else np.zeros(3)
+    shift = (PROBE_GAP * size - least_gap) * directions[best] if abs(least_gap) < PROBE_GAP * size else np.zeros(3)
     for _ in range(MAX_PASSES):
-        result, last_way = _collide(coal, first, second, way, (directions, separations), margin + FLATNESS * size)
+        result, last_shift = _collide(coal, first, second, shift, (directions, separations), margin + FLATNESS * size)
         if result is None:
             return
         contact = result.getContact(0)
         normal = np.array(contact.normal)
-        gap = contact.penetration_depth - last_way @ normal
-        if least_gap >= _separation(first, second, normal):
+        gap = contact.penetration_depth - last_shift @ normal
+        if least_gap >= _separations(first, second, normal):
             normal, gap = directions[best], least_gap
-        way = max(PROBE_GAP * size - gap, 0.0) * normal
-        if np.abs(way - last_way).max() <= TOLERANCE * size:
+        shift = max(PROBE_GAP * size - gap, 0.0) * normal
+        if np.abs(shift - last_shift).max() <= TOLERANCE * size:
             break
     if gap > margin + TOLERANCE * size:
         return
     patch_request, patches = coal.ContactPatchRequest(), coal.ContactPatchResult()
     patch_request.setNumSamplesCurvedShapes(CURVED_SAMPLES)
     patch_request.setPatchTolerance(FLATNESS * size)
-    placed = (*_placed(coal, first, normal=normal), *_placed(coal, second, last_way, normal))
-    coal.computeContactPatch(*placed, result, patch_request, patches)
+    arguments = (*_coal_arguments(coal, first, normal=normal), *_coal_arguments(coal, second, last_shift, normal))
+    coal.computeContactPatch(*arguments, result, patch_request, patches)
     if not patches.numContactPatches():
         return
     patch = patches.getContactPatch(0)
-    points = [np.array(patch.getPoint(number)) - 0.5 * last_way for number in range(patch.size())]
+    points = [np.array(patch.getPoint(number)) - 0.5 * last_shift for number in range(patch.size())]
     if len(points) == 1:
         yield points[0], normal, gap
         return
-    (one, one_offset), (other, other_offset) = _tangent_plane(*first, normal), _tangent_plane(*second, -normal)
+    (normal_a, offset_a), (normal_b, offset_b) = _tangent_plane(*first, normal), _tangent_plane(*second, -normal)
     for point in points:
-        above = (one_offset - one @ point) / (one @ normal)
-        below = (other_offset - other @ point) / (other @ -normal)
+        above = (offset_a - normal_a @ point) / (normal_a @ normal)
+        below = (offset_b - normal_b @ point) / (normal_b @ -normal)
         yield point + 0.5 * (above - below) * normal, normal, -float(above + below)
 
 
@@ -152,12 +153,21 @@ def _features(patch: Sequence[tuple[FloatArray, FloatArray, float]], axes: Float
 
 
 def _collide(
-    coal: Any, first: _Body, second: _Body, way: FloatArray, known: tuple[FloatArray, FloatArray], margin: float
+    coal: Any, first: _Body, second: _Body, shift: FloatArray, candidates: tuple[FloatArray, FloatArray], margin: float
 ) -> tuple[Any, FloatArray]:
     """Return the collision of two bodies by coal, and the displacement of the second body at which it was found.
 
-    The collision is None if they are farther apart than ``margin``. At some poses coal returns no normal, or one along
-    which they are closer than along one of the ``known`` directions; bodies are then moved apart a little more.
+    The collision is None if the bodies are farther apart than ``margin``. At some poses coal returns no normal, or a
+    normal along which the bodies are closer than along one of ``candidates``. The second body is then moved farther
+    away.
+
+    Args:
+        coal: the module.
+        first: shape, centre and rotation of the first body.
+        second: those of the second body.
+        shift: displacement of the second body [m], shape (3,).
+        candidates: directions and the distances along them, as of ``_directions`` and ``_separations``.
+        margin: gap [m] up to which coal looks for a collision.
 
     Raises:
         ProblemError: if coal finds no normal at any of the distances ``RETRY_SHARES``.
@@ -166,20 +176,23 @@ def _collide(
     request.gjk_tolerance = request.epa_tolerance = TOLERANCE
     request.gjk_max_iterations = request.epa_max_iterations = MAX_ITERATIONS
     size = min(first[0].bounding_radius, second[0].bounding_radius)
-    directions, separations = known
-    outward = directions[np.argmax(separations + directions @ way)]
-    for more in RETRY_SHARES:
-        moved = way + more * size * outward
+    directions, separations = candidates
+    outward = directions[np.argmax(separations + directions @ shift)]
+    for share in RETRY_SHARES:
+        moved = shift + share * size * outward
         request.security_margin = margin + float(np.linalg.norm(moved))
         result = coal.CollisionResult()
-        if not coal.collide(*_placed(coal, first), *_placed(coal, second, moved), request, result):
+        if not coal.collide(*_coal_arguments(coal, first), *_coal_arguments(coal, second, moved), request, result):
             return None, moved
         contact = result.getContact(0)
         normal = np.array(contact.normal)
         if not abs(np.abs(normal).max() - 0.75) < 0.3:  # 0, NaN or huge
             continue
-        apart, slack = _separation(first, second, normal) + normal @ moved, FLATNESS * size
-        if abs(apart - contact.penetration_depth) < slack and apart > (separations + directions @ moved).max() - slack:
+        separation, slack = _separations(first, second, normal) + normal @ moved, FLATNESS * size
+        if (
+            abs(separation - contact.penetration_depth) < slack
+            and separation > (separations + directions @ moved).max() - slack
+        ):
             return result, moved
     names = " and a ".join(type(body[0]).__name__.lower() for body in (first, second))
     raise ProblemError(f"coal does not find the distance of a {names}; change their initial poses slightly.")
@@ -191,26 +204,28 @@ def _directions(first: _Body, second: _Body) -> FloatArray:
     These are the directions of the line of centres, of face normals, of axes, and of normals to axes.
     """
     between = second[1] - first[1] + TINY
-    found = [between[None]]
+    vectors = [between[None]]
     for (shape, _, rotation), sign in ((first, 1.0), (second, -1.0)):
         axis = rotation[:, 2]
         if isinstance(shape, Cylinder | Capsule):
-            found.append(np.array([axis, -axis, between - (between @ axis) * axis]))
+            vectors.append(np.array([axis, -axis, between - (between @ axis) * axis]))
         else:
-            found.append(sign * pack_polyhedra((shape,)).normals @ rotation.T)
-    directions = np.concatenate(found)
+            vectors.append(sign * pack_polyhedra((shape,)).normals @ rotation.T)
+    directions = np.concatenate(vectors)
     lengths = np.linalg.norm(directions, axis=1)
     unit: FloatArray = directions[lengths > 0.0] / lengths[lengths > 0.0, None]
     return unit
 
 
-def _separation(first: _Body, second: _Body, directions: FloatArray) -> Any:
-    """Return the distances of two bodies along unit vectors [m]; the gap is the largest of all directions."""
-    return directions @ (second[1] - first[1]) - _reach(first, directions) - _reach(second, -directions)
+def _separations(first: _Body, second: _Body, directions: FloatArray) -> Any:
+    """Return the distances of two bodies along unit vectors [m]; the largest over all directions is the gap."""
+    return directions @ (second[1] - first[1]) - _extents(first, directions) - _extents(second, -directions)
 
 
-def _placed(coal: Any, body: _Body, way: FloatArray | None = None, normal: FloatArray | None = None) -> tuple[Any, Any]:
-    """Return geometry and pose of a body, moved by ``way``.
+def _coal_arguments(
+    coal: Any, body: _Body, shift: FloatArray | None = None, normal: FloatArray | None = None
+) -> tuple[Any, Any]:
+    """Return the coal geometry and the pose of a body, moved by ``shift``.
 
     coal finds a single point instead of a patch if the normal points against the axis of a cylinder. The cylinder is
     then reversed, which does not change it.
@@ -218,13 +233,13 @@ def _placed(coal: Any, body: _Body, way: FloatArray | None = None, normal: Float
     shape, centre, rotation = body
     if normal is not None and isinstance(shape, Cylinder) and rotation[:, 2] @ normal < 0.0:
         rotation = rotation * np.array([1.0, -1.0, -1.0])
-    return _geometry(shape), coal.Transform3s(rotation, centre if way is None else centre + way)
+    return _geometry(shape), coal.Transform3s(rotation, centre if shift is None else centre + shift)
 
 
 def _tangent_plane(
     shape: Shape, centre: FloatArray, rotation: FloatArray, outward: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Return outward normal and offset of the plane that touches a shape and is nearly normal to ``outward``."""
+    """Return outward normal and offset [m] of the plane that touches a shape and is nearly normal to ``outward``."""
     local = rotation.T @ outward
     radial = np.array([local[0], local[1], 0.0])
     radial /= max(float(np.linalg.norm(radial)), 1e-300)
@@ -238,10 +253,10 @@ def _tangent_plane(
     if normal @ local < NEARLY_ALONG:
         normal = local
     in_world = rotation @ normal
-    return in_world, float(_reach((shape, centre, rotation), in_world) + in_world @ centre)
+    return in_world, float(_extents((shape, centre, rotation), in_world) + in_world @ centre)
 
 
-def _reach(body: _Body, directions: FloatArray) -> Any:
+def _extents(body: _Body, directions: FloatArray) -> Any:
     """Return the extents of a body from its centre along unit vectors [m]."""
     shape, _, rotation = body
     local = directions @ rotation
@@ -268,7 +283,7 @@ def require_coal() -> Any:
 
 @lru_cache(maxsize=1024)
 def _geometry(shape: Shape) -> Any:
-    """Return a shape as a geometry of coal."""
+    """Return the coal geometry of a shape."""
     coal = require_coal()
     if isinstance(shape, Box):
         return coal.Box(*shape.size)

@@ -1,4 +1,4 @@
-"""Keys of contacts: one integer for two bodies and a feature, which is the same in all steps."""
+"""Keys of contacts: one integer for two bodies and a feature, the same in all steps."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ class ContactKeys:
 
     Attributes:
         n_bodies: number of bodies, including fixed ones.
-        n_features: number of features of a pair.
+        n_features: largest number of features of a pair.
 
     Raises:
         ProblemError: if a number is not positive, or keys do not fit into 63 bits.
@@ -29,7 +29,8 @@ class ContactKeys:
     def __post_init__(self) -> None:
         if self.n_bodies < 1 or self.n_features < 1 or self.n_bodies**2 * self.n_features >= 2**63:
             raise ProblemError(
-                f"keys need positive numbers and 63 bits, got {self.n_bodies} bodies with {self.n_features} features."
+                f"the numbers of bodies and features must be positive, and their keys fit into 63 bits; got "
+                f"{self.n_bodies} bodies with {self.n_features} features."
             )
 
     def encode(self, first: IntArray, second: IntArray, feature: IntArray | int = 0) -> IntArray:
@@ -43,5 +44,5 @@ class ContactKeys:
         return first, second, feature
 
     def pairs(self, keys: IntArray) -> IntArray:
-        """Return the number of the pair of bodies of each contact, without its feature, shape (n_contacts,)."""
+        """Return i · n_bodies + j of the pair of bodies of each contact, shape (n_contacts,)."""
         return keys // self.n_features

@@ -15,7 +15,7 @@ RIM_POINTS = 8
 """Number of points of each rim that are fixed in the body."""
 
 UPRIGHT = 1e-6
-"""Sine of the angle to a plane below which an end has no lowest point."""
+"""Sine of the angle between an end and a plane below which the end has no lowest point."""
 
 
 def find_cylinders(
@@ -24,14 +24,14 @@ def find_cylinders(
     """Return contacts as (first, second, feature), shape (n, 3), and (point, normal, gap), shape (n, 7).
 
     Args:
-        shapes: shapes of all bodies; one of each pair is a cylinder, the other a half-space or a sphere.
+        shapes: shapes of all bodies; each pair has a cylinder, and a half-space or a sphere.
         centres: centres of the bodies [m], shape (n_bodies, 3).
         rotations: rotation matrices from body to world axes, shape (n_bodies, 3, 3).
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
     """
-    room = 2 * (RIM_POINTS + 1) * len(pairs)
-    keys, numbers = np.empty((room, 3), dtype=np.int64), np.empty((room, 7))
+    capacity = 2 * (RIM_POINTS + 1) * len(pairs)
+    keys, numbers = np.empty((capacity, 3), dtype=np.int64), np.empty((capacity, 7))
     count = _find(shapes, centres, rotations, pairs, margin, keys, numbers)
     return keys[:count], numbers[:count]
 
@@ -59,6 +59,7 @@ def _find(shapes, centres, rotations, pairs, margin, keys, numbers):  # type: ig
 
 @njit(cache=True)
 def _on_plane(centre, rotation, half, radius, origin, normal, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contacts of a cylinder with a plane through ``origin``; return the number of contacts."""
     axis = np.ascontiguousarray(rotation[:, 2])
     steepness = dot(axis, normal)
     down = steepness * axis - normal  # the downward direction within the ends
@@ -82,10 +83,11 @@ def _on_plane(centre, rotation, half, radius, origin, normal, margin, keys, numb
 
 @njit(cache=True)
 def _on_ball(centre, rotation, half, radius, ball, ball_radius, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contact of a cylinder with a ball if it is close; return the number of contacts."""
     axis = np.ascontiguousarray(rotation[:, 2])
-    way = ball - centre
-    along = dot(way, axis)
-    across = way - along * axis
+    offset = ball - centre
+    along = dot(offset, axis)
+    across = offset - along * axis
     distance = np.sqrt(dot(across, across))
     outward = across / distance if distance > 0.0 else np.ascontiguousarray(rotation[:, 0])
     side = 1.0 if along >= 0.0 else -1.0

@@ -35,7 +35,7 @@ PARALLEL = 1e-6
 BOXES, POLYHEDRA, ROUND, CYLINDERS, WITH_COAL, REFUSED = range(6)
 """Methods that find the contacts of a pair: this module, ``polyhedra``, ``round_bodies``, ``cylinders`` and coal.
 
-``REFUSED`` marks a pair whose first body is a half-space, which is an error."""
+``REFUSED`` marks a pair whose first body is a half-space, for which ``find_contacts`` raises an error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,17 +81,17 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
     centres, rotations = np.ascontiguousarray(poses[:, :3]), rotation_matrices(poses[:, 3:])
     round_shapes, parts = arrays.round_shapes, []
     for method in np.flatnonzero(counts):
-        some = pairs if counts[method] == len(pairs) else pairs[methods == method]
+        method_pairs = pairs if counts[method] == len(pairs) else pairs[methods == method]
         if method == BOXES:
-            part = _find_boxes(arrays, centres, rotations, some, margin)
+            part = _find_boxes(arrays, centres, rotations, method_pairs, margin)
         elif method == POLYHEDRA:
-            part = find_polyhedra(shapes, centres, rotations, some, margin)
+            part = find_polyhedra(shapes, centres, rotations, method_pairs, margin)
         elif method == ROUND:
-            part = find_round(round_shapes, arrays.packed, centres, rotations, some, margin=margin)
+            part = find_round(round_shapes, arrays.packed, centres, rotations, method_pairs, margin=margin)
         elif method == CYLINDERS:
-            part = find_cylinders(round_shapes, centres, rotations, some, margin)
+            part = find_cylinders(round_shapes, centres, rotations, method_pairs, margin)
         else:
-            part = find_with_coal(shapes, centres, rotations, some, margin)
+            part = find_with_coal(shapes, centres, rotations, method_pairs, margin)
         parts.append(part)
     return _contact_set(parts)
 
@@ -134,30 +134,30 @@ def _contact_set(parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
         parts = [(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)))]
     if len(parts) == 1:
         keys, numbers = parts[0]
-        return ContactSet(*_in_order(keys, numbers, _order(keys)))
+        return ContactSet(*_reordered(keys, numbers, _stable_order(keys)))
     keys, numbers = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-    return ContactSet(*_in_order(keys, numbers, np.lexsort((keys[:, 2], keys[:, 1], keys[:, 0]))))
+    return ContactSet(*_reordered(keys, numbers, np.lexsort((keys[:, 2], keys[:, 1], keys[:, 0]))))
 
 
 @njit(cache=True)
-def _order(keys):  # type: ignore[no-untyped-def]
+def _stable_order(keys):  # type: ignore[no-untyped-def]
     """Return the stable order of keys by an insertion sort; pairs of bodies ascend, so only their few features move."""
     order = np.arange(len(keys))
     for k in range(1, len(keys)):
         a, b, c = keys[k]
-        at = k
-        while at > 0:
-            p, q, r = keys[order[at - 1]]
+        slot = k
+        while slot > 0:
+            p, q, r = keys[order[slot - 1]]
             if p < a or (p == a and (q < b or (q == b and r <= c))):
                 break
-            order[at] = order[at - 1]
-            at -= 1
-        order[at] = k
+            order[slot] = order[slot - 1]
+            slot -= 1
+        order[slot] = k
     return order
 
 
 @njit(cache=True)
-def _in_order(keys, numbers, order):  # type: ignore[no-untyped-def]
+def _reordered(keys, numbers, order):  # type: ignore[no-untyped-def]
     """Return the fields of a ``ContactSet`` of contacts in the given order."""
     n = len(order)
     first, second, feature = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
@@ -175,7 +175,7 @@ def _in_order(keys, numbers, order):  # type: ignore[no-untyped-def]
 def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys, numbers):  # type: ignore[no-untyped-def]
     """Write the contacts of all pairs; return their number.
 
-    Most pairs are too far apart for a contact; this is tested first, without views of the arrays.
+    Most pairs are too far apart for a contact. The distance is tested first, without views of the arrays.
     """
     count = 0
     for k in range(len(pairs)):
@@ -183,13 +183,15 @@ def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys
         if is_plane[j]:
             if _is_above(i, j, centres, axes, half_sizes, margin):
                 continue
-            count = _box_on_plane(centres[i], axes[i], half_sizes[i], centres[j], axes[j], margin, keys, numbers, count)
+            count = _write_plane_contacts(
+                centres[i], axes[i], half_sizes[i], centres[j], axes[j], margin, keys, numbers, count
+            )
         else:
-            axis, apart = _separating_axis(i, j, centres, axes, half_sizes, margin)
+            axis, distance = _separating_axis(i, j, centres, axes, half_sizes, margin)
             if axis < 0:
                 continue
             bodies = centres[i], axes[i], half_sizes[i], centres[j], axes[j], half_sizes[j]
-            count = _box_on_box(*bodies, axis, apart, margin, keys, numbers, count)
+            count = _write_box_on_box(*bodies, axis, distance, margin, keys, numbers, count)
         for c in range(begin, count):
             keys[c, 0], keys[c, 1] = i, j
     return count
@@ -207,7 +209,7 @@ def _write(keys, numbers, count, feature, point, normal, sign, gap):  # type: ig
 
 
 @njit(cache=True)
-def _box_on_plane(centre, axes, half, origin, plane_axes, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_plane_contacts(centre, axes, half, origin, plane_axes, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Write the contacts of the corners of a box with a plane."""
     normal, corner = plane_axes[2], np.empty(3)
     for number in range(8):
@@ -251,7 +253,7 @@ def _separating_axis(i, j, centres, axes, half_sizes, margin):  # type: ignore[n
     """
     slack = SLACK * (half_sizes[i].max() + half_sizes[j].max())
     dx, dy, dz = centres[j, 0] - centres[i, 0], centres[j, 1] - centres[i, 1], centres[j, 2] - centres[i, 2]
-    best, least = -1, -np.inf
+    best, best_distance = -1, -np.inf
     for number in range(15):
         if number < 6:
             body, k = (i, number) if number < 3 else (j, number - 3)
@@ -269,41 +271,41 @@ def _separating_axis(i, j, centres, axes, half_sizes, margin):  # type: ignore[n
         for k in range(3):
             reach_i += half_sizes[i, k] * abs(_along(axes, i, k, x, y, z))
             reach_j += half_sizes[j, k] * abs(_along(axes, j, k, x, y, z))
-        apart = abs(dx * x + dy * y + dz * z) - reach_i - reach_j
-        if apart >= margin:
-            return -1, apart
-        if apart > least + (0.0 if best < 0 else slack):
-            best, least = number, apart
-    return best, least
+        distance = abs(dx * x + dy * y + dz * z) - reach_i - reach_j
+        if distance >= margin:
+            return -1, distance
+        if distance > best_distance + (0.0 if best < 0 else slack):
+            best, best_distance = number, distance
+    return best, best_distance
 
 
 @njit(cache=True)
-def _box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, axis, apart, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, axis, distance, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Write the contacts of two boxes in the direction in which they overlap least; see ``_separating_axis``.
 
     A box has its centre c, its axes in the rows of r, and its half edge lengths h.
     """
     if axis < 3:
-        return _faces(c_a, r_a, h_a, c_b, r_b, h_b, axis, -1.0, margin, keys, numbers, count)
+        return _write_face_contacts(c_a, r_a, h_a, c_b, r_b, h_b, axis, -1.0, margin, keys, numbers, count)
     if axis < 6:
-        return _faces(c_b, r_b, h_b, c_a, r_a, h_a, axis - 3, 1.0, margin, keys, numbers, count)
+        return _write_face_contacts(c_b, r_b, h_b, c_a, r_a, h_a, axis - 3, 1.0, margin, keys, numbers, count)
     edges = axis - 6
-    return _edges(c_a, r_a, h_a, c_b, r_b, h_b, edges // 3, edges % 3, apart, keys, numbers, count)
+    return _write_edge_contact(c_a, r_a, h_a, c_b, r_b, h_b, edges // 3, edges % 3, distance, keys, numbers, count)
 
 
 @njit(cache=True)
-def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_face_contacts(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Write the contacts of the reference face with the opposing face of the other box, clipped by its sides."""
-    out = 1.0 if dot((c_o[0] - c_r[0], c_o[1] - c_r[1], c_o[2] - c_r[2]), r_r[axis]) >= 0.0 else -1.0
-    normal = out * r_r[axis, 0], out * r_r[axis, 1], out * r_r[axis, 2]
-    facing, most = 0, -1.0
+    outward = 1.0 if dot((c_o[0] - c_r[0], c_o[1] - c_r[1], c_o[2] - c_r[2]), r_r[axis]) >= 0.0 else -1.0
+    normal = outward * r_r[axis, 0], outward * r_r[axis, 1], outward * r_r[axis, 2]
+    facing, largest_cosine = 0, -1.0
     for k in range(3):
-        along = abs(dot(normal, r_o[k]))
-        if along > most + SLACK:
-            facing, most = k, along
+        cosine = abs(dot(normal, r_o[k]))
+        if cosine > largest_cosine + SLACK:
+            facing, largest_cosine = k, cosine
     side = -1.0 if dot(normal, r_o[facing]) > 0.0 else 1.0
     p, q = (facing + 1) % 3, (facing + 2) % 3
-    (polygon, left), (edges, left_edges) = np.empty((2, 16, 3)), np.empty((2, 16), dtype=np.int64)
+    (polygon, clipped), (edges, clipped_edges) = np.empty((2, 16, 3)), np.empty((2, 16), dtype=np.int64)
     for corner in range(4):
         s = 1.0 if corner == 1 or corner == 2 else -1.0
         t = 1.0 if corner >= 2 else -1.0
@@ -317,9 +319,9 @@ def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, coun
         turn = 1.0 if plane % 2 else -1.0
         across = turn * r_r[k, 0], turn * r_r[k, 1], turn * r_r[k, 2]
         limit, slack = dot(across, c_r) + h_r[k], SLACK * h_r[k]
-        n = clip(polygon, edges, n, across, limit, slack, 4 + plane, left, left_edges)
-        polygon, edges, left, left_edges = left, left_edges, polygon, edges
-    reference = (6 if sign > 0.0 else 0) + 2 * axis + (1 if out > 0.0 else 0)
+        n = clip(polygon, edges, n, across, limit, slack, 4 + plane, clipped, clipped_edges)
+        polygon, edges, clipped, clipped_edges = clipped, clipped_edges, polygon, edges
+    reference = (6 if sign > 0.0 else 0) + 2 * axis + (1 if outward > 0.0 else 0)
     pair_of_faces = 6 * reference + 2 * facing + (1 if side > 0.0 else 0)
     for k in range(min(n, 8)):
         x, y, z = polygon[k, 0], polygon[k, 1], polygon[k, 2]
@@ -332,7 +334,7 @@ def _faces(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, coun
 
 
 @njit(cache=True)
-def _edges(c_a, r_a, h_a, c_b, r_b, h_b, a, b, gap, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_edge_contact(c_a, r_a, h_a, c_b, r_b, h_b, a, b, gap, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Write the contact of the edges along axes a and b that face each other."""
     normal = np.cross(r_a[a], r_b[b])
     normal /= np.sqrt(dot(normal, normal))
@@ -350,7 +352,7 @@ def _edges(c_a, r_a, h_a, c_b, r_b, h_b, a, b, gap, keys, numbers, count):  # ty
             feature = 2 * feature + (1 if t > 0.0 else 0)
     along_a, along_b, between = r_a[a], r_b[b], on_b - on_a
     cosine, toward_a, toward_b = dot(along_a, along_b), dot(between, along_a), dot(between, along_b)
-    way_a = (toward_a - cosine * toward_b) / (1.0 - cosine * cosine)
-    way_b = (cosine * toward_a - toward_b) / (1.0 - cosine * cosine)
-    middle = 0.5 * (on_a + way_a * along_a + on_b + way_b * along_b)
+    shift_a = (toward_a - cosine * toward_b) / (1.0 - cosine * cosine)
+    shift_b = (cosine * toward_a - toward_b) / (1.0 - cosine * cosine)
+    middle = 0.5 * (on_a + shift_a * along_a + on_b + shift_b * along_b)
     return _write(keys, numbers, count, FACE_FEATURES + feature, middle, normal, -1.0, gap)

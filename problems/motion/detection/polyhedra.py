@@ -35,18 +35,18 @@ _BOX_FACES = ((0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 
 
 
 class PackedPolyhedra(NamedTuple):
-    """The polyhedra among some shapes, for kernels; arrays of starts have one entry more than their shapes or faces.
+    """The polyhedra among some shapes, for kernels; arrays of starts have one more entry than shapes or faces.
 
     Attributes:
-        vertices: corners in body axes [m].
+        vertices: corners in body axes [m], shape (n_corners, 3).
         vertex_start: first corner of each shape.
-        normals: outward normals of faces in body axes.
+        normals: outward unit normals of faces in body axes, shape (n_faces, 3).
         face_start: first face of each shape.
         loops: corners of faces, numbered within their shape.
         loop_start: first corner of each face.
-        edges: two corners of each edge, numbered within their shape.
+        edges: two corners of each edge, numbered within their shape, shape (n_edges, 2).
         edge_start: first edge of each shape.
-        directions: one edge per distinct edge direction of a shape, numbered as ``edges``.
+        directions: index in ``edges`` of one edge for each distinct edge direction of a shape.
         direction_start: first direction of each shape.
     """
 
@@ -100,6 +100,7 @@ def pack_polyhedra(shapes: tuple[object, ...]) -> PackedPolyhedra:
 
 
 def _corners_and_faces(shape: object) -> tuple[FloatArray, Sequence[tuple[int, ...]]]:
+    """Return the corners [m], shape (n, 3), and the faces of a polyhedron or a box; none for other shapes."""
     if isinstance(shape, Polyhedron):
         return shape.vertices, shape.faces
     return (shape.vertices, _BOX_FACES) if isinstance(shape, Box) else (np.zeros((0, 3)), ())
@@ -113,7 +114,7 @@ def _normal(corners: FloatArray, face: Sequence[int]) -> list[float]:
 
 
 def _distinct_directions(corners: FloatArray, edges: Sequence[tuple[int, int]]) -> list[int]:
-    """Return the number of one edge of each direction."""
+    """Return the index of one edge of each direction."""
     distinct: list[int] = []
     units = [(corners[b] - corners[a]) / np.linalg.norm(corners[b] - corners[a]) for a, b in edges]
     for number, unit in enumerate(units):
@@ -140,16 +141,16 @@ def find_polyhedra(
 
 
 @njit(cache=True)
-def _placed(points, starts, shape, centre, rotation):  # type: ignore[no-untyped-def]
+def _world_points(points, starts, shape, centre, rotation):  # type: ignore[no-untyped-def]
     """Return the points of a shape in world axes."""
     start = starts[shape]
-    placed = np.empty((starts[shape + 1] - start, 3))
-    for k in range(len(placed)):
+    world_points = np.empty((starts[shape + 1] - start, 3))
+    for k in range(len(world_points)):
         for axis in range(3):
-            placed[k, axis] = centre[axis]
+            world_points[k, axis] = centre[axis]
             for m in range(3):
-                placed[k, axis] += rotation[axis, m] * points[start + k, m]
-    return placed
+                world_points[k, axis] += rotation[axis, m] * points[start + k, m]
+    return world_points
 
 
 @njit(cache=True)
@@ -168,13 +169,13 @@ def _write_contacts(pairs, centres, rotations, packed, margin, keys, numbers):  
     for k in range(len(pairs)):
         i, j = pairs[k]
         begin = count
-        corners_i = _placed(packed.vertices, packed.vertex_start, i, centres[i], rotations[i])
+        corners_i = _world_points(packed.vertices, packed.vertex_start, i, centres[i], rotations[i])
         if packed.face_start[j] == packed.face_start[j + 1]:
             count = _polyhedron_on_plane(corners_i, centres[j], rotations[j], margin, keys, numbers, count)
         else:
-            corners_j = _placed(packed.vertices, packed.vertex_start, j, centres[j], rotations[j])
-            normals_i = _placed(packed.normals, packed.face_start, i, origin, rotations[i])
-            normals_j = _placed(packed.normals, packed.face_start, j, origin, rotations[j])
+            corners_j = _world_points(packed.vertices, packed.vertex_start, j, centres[j], rotations[j])
+            normals_i = _world_points(packed.normals, packed.face_start, i, origin, rotations[i])
+            normals_j = _world_points(packed.normals, packed.face_start, j, origin, rotations[j])
             bodies = corners_i, normals_i, corners_j, normals_j
             count = _polyhedron_on_polyhedron(
                 packed, i, j, *bodies, centres[j] - centres[i], margin, keys, numbers, count
@@ -210,19 +211,19 @@ def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
 ):
     """Write the contacts of two polyhedra; at equal separation, faces precede edges, and body ``i`` precedes ``j``."""
     size = np.sqrt(dot(offset, offset))
-    best, best_face, first_loop_i, first_loop_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
+    best, best_face, first_face_i, first_face_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
     n_i, n_j = len(normals_i), len(normals_j)
     for face in range(n_i + n_j):
         if face < n_i:
-            corner = corners_i[packed.loops[packed.loop_start[first_loop_i + face]]]
-            apart = _lowest(corners_j, normals_i[face]) - dot(corner, normals_i[face])
+            corner = corners_i[packed.loops[packed.loop_start[first_face_i + face]]]
+            distance = _lowest(corners_j, normals_i[face]) - dot(corner, normals_i[face])
         else:
-            corner = corners_j[packed.loops[packed.loop_start[first_loop_j + face - n_i]]]
-            apart = _lowest(corners_i, normals_j[face - n_i]) - dot(corner, normals_j[face - n_i])
-        if apart >= margin:
+            corner = corners_j[packed.loops[packed.loop_start[first_face_j + face - n_i]]]
+            distance = _lowest(corners_i, normals_j[face - n_i]) - dot(corner, normals_j[face - n_i])
+        if distance >= margin:
             return count
-        if best_face < 0 or apart > best + SLACK * size:
-            best, best_face = apart, face
+        if best_face < 0 or distance > best + SLACK * size:
+            best, best_face = distance, face
     edge, best_axis = -1, np.zeros(3)
     for a in range(packed.direction_start[i], packed.direction_start[i + 1]):
         along_i = _along(packed, i, corners_i, packed.directions[a])
@@ -232,18 +233,18 @@ def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
             if length < SLACK:
                 continue
             axis /= length if dot(axis, offset) >= 0.0 else -length
-            apart = _lowest(corners_j, axis) + _lowest(corners_i, -axis)
-            if apart >= margin:
+            distance = _lowest(corners_j, axis) + _lowest(corners_i, -axis)
+            if distance >= margin:
                 return count
-            if apart > best + SLACK * size:
-                best, edge = apart, packed.directions[a]
+            if distance > best + SLACK * size:
+                best, edge = distance, packed.directions[a]
                 best_axis[:] = axis
     if edge >= 0:
-        return _edges(packed, i, j, corners_i, corners_j, best_axis, best, keys, numbers, count)
+        return _write_edge_contact(packed, i, j, corners_i, corners_j, best_axis, best, keys, numbers, count)
     first, second = (corners_i, normals_i), (corners_j, normals_j)
     if best_face < n_i:
-        return _faces(packed, i, j, *first, *second, best_face, -1.0, margin, keys, numbers, count)
-    return _faces(packed, j, i, *second, *first, best_face - n_i, 1.0, margin, keys, numbers, count)
+        return _write_face_contacts(packed, i, j, *first, *second, best_face, -1.0, margin, keys, numbers, count)
+    return _write_face_contacts(packed, j, i, *second, *first, best_face - n_i, 1.0, margin, keys, numbers, count)
 
 
 @njit(cache=True)
@@ -254,16 +255,18 @@ def _along(packed, body, corners, edge):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_face_contacts(
+    packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, numbers, count
+):  # type: ignore[no-untyped-def]
     """Write the contacts of a face of body ``r`` with the opposing face of body ``o``, clipped by its sides."""
-    normal, facing, most = normals_r[face], 0, np.inf
+    normal, facing, least_cosine = normals_r[face], 0, np.inf
     for k in range(len(normals_o)):
-        along = dot(normal, normals_o[k])
-        if along < most - SLACK:
-            facing, most = k, along
+        cosine = dot(normal, normals_o[k])
+        if cosine < least_cosine - SLACK:
+            facing, least_cosine = k, cosine
     begin, end = packed.loop_start[packed.face_start[o] + facing], packed.loop_start[packed.face_start[o] + facing + 1]
-    (polygon, left), n = np.empty((2, MAX_CONTACTS, 3)), end - begin
-    edges, left_edges = np.empty((2, MAX_CONTACTS), dtype=np.int64)
+    (polygon, clipped), n = np.empty((2, MAX_CONTACTS, 3)), end - begin
+    edges, clipped_edges = np.empty((2, MAX_CONTACTS), dtype=np.int64)
     for k in range(n):
         polygon[k], edges[k] = corners_o[packed.loops[begin + k]], k
     begin, end = packed.loop_start[packed.face_start[r] + face], packed.loop_start[packed.face_start[r] + face + 1]
@@ -275,8 +278,8 @@ def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign,
         length = np.sqrt(dot(across, across))
         across /= length
         limit, slack = dot(across, here), SLACK * length
-        n = clip(polygon, edges, n, across, limit, slack, MAX_CORNERS + k, left, left_edges)
-        polygon, edges, left, left_edges = left, left_edges, polygon, edges
+        n = clip(polygon, edges, n, across, limit, slack, MAX_CORNERS + k, clipped, clipped_edges)
+        polygon, edges, clipped, clipped_edges = clipped, clipped_edges, polygon, edges
     number = (face * MAX_FACES + facing) * 2 + (1 if sign > 0.0 else 0)
     for k in range(n):
         gap = dot(polygon[k] - base, normal)
@@ -287,16 +290,16 @@ def _faces(packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign,
 
 
 @njit(cache=True)
-def _edges(packed, i, j, corners_i, corners_j, axis, gap, keys, numbers, count):  # type: ignore[no-untyped-def]
-    """Write the contact of the outermost edge of body ``i`` along ``axis`` and that of body ``j`` against it."""
+def _write_edge_contact(packed, i, j, corners_i, corners_j, axis, gap, keys, numbers, count):  # type: ignore[no-untyped-def]
+    """Write the contact of the edge of ``i`` farthest along ``axis`` with the edge of ``j`` farthest against it."""
     a = _outermost(packed, i, corners_i, axis)
     b = _outermost(packed, j, corners_j, -axis)
     on_i, on_j = corners_i[packed.edges[a, 0]], corners_j[packed.edges[b, 0]]
     along_i, along_j, between = _along(packed, i, corners_i, a), _along(packed, j, corners_j, b), on_j - on_i
     cosine, toward_i, toward_j = dot(along_i, along_j), dot(between, along_i), dot(between, along_j)
     squared_sine = max(1.0 - cosine * cosine, SLACK * SLACK)
-    way_i, way_j = (toward_i - cosine * toward_j) / squared_sine, (cosine * toward_i - toward_j) / squared_sine
-    middle = 0.5 * (on_i + way_i * along_i + on_j + way_j * along_j)
+    shift_i, shift_j = (toward_i - cosine * toward_j) / squared_sine, (cosine * toward_i - toward_j) / squared_sine
+    middle = 0.5 * (on_i + shift_i * along_i + on_j + shift_j * along_j)
     n_edges = packed.edge_start[j + 1] - packed.edge_start[j]
     feature = FACE_FEATURES + (a - packed.edge_start[i]) * n_edges + (b - packed.edge_start[j])
     return _write(keys, numbers, count, feature, middle, -axis, gap)

@@ -1,11 +1,11 @@
 """Contacts of spheres and capsules with half-spaces, with each other, and with polyhedra, boxes among them.
 
-Spheres and capsules are the points within a radius of a segment; that of a sphere has length 0. In each contact,
+Spheres and capsules are the points within a radius of a segment; the segment of a sphere has length 0. In each contact,
 a part of one body (an end of a segment, an edge or a corner) touches the other body. Its number is the feature of the
 contact, which therefore persists from step to step:
 
-    0, 1                     ends of the segment of the sphere or capsule, or of the first one of two
-    2, 3                     ends of the segment of the second one of two spheres or capsules
+    0, 1                     ends of the segment of the sphere or capsule, or of the first of two
+    2, 3                     ends of the segment of the second of two spheres or capsules
     CROSSING                 points between the ends of two segments
     2 + k                    edge k of a polyhedron, then its corners
     2 + n_edges + n_corners  where a segment enters the polyhedron; the next number, where it leaves
@@ -62,7 +62,7 @@ def find_round(
 
     Args:
         shapes: shapes of all bodies; one of each pair is a sphere or a capsule, and none is a cylinder.
-        packed: the polyhedra among them.
+        packed: the polyhedra among the shapes.
         centres: centres of the bodies [m], shape (n_bodies, 3).
         rotations: rotation matrices from body to world axes, shape (n_bodies, 3, 3).
         pairs: pairs of bodies, shape (n_pairs, 2).
@@ -128,8 +128,8 @@ def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # 
                     foot = ends[end] - height * normal
                     count = write_contact(keys, numbers, count, end, foot, normal, sign, height - radius)
         elif shapes.kind[j] == SEGMENT:
-            others = ends_of(centres[j], rotations[j], shapes.half[j])
-            bodies = ends, half, radius, others, shapes.half[j], shapes.radius[j]
+            other_ends = ends_of(centres[j], rotations[j], shapes.half[j])
+            bodies = ends, half, radius, other_ends, shapes.half[j], shapes.radius[j]
             count = _write_segment_contacts(*bodies, margin, keys, numbers, count)
         else:
             for end in range(2):
@@ -153,7 +153,7 @@ def nearest_on_segment(point, begin, end):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def nearest_inside(p, p_end, q, q_end):  # type: ignore[no-untyped-def]
-    """Return the fractions at which two segments are nearest if both lie between the ends, else (−1, −1)."""
+    """Return the fractions at which two segments are nearest if these points lie between the ends, else (−1, −1)."""
     d, e, between = p_end - p, q_end - q, p - q
     a, b, c = dot(d, d), dot(d, e), dot(e, e)
     determinant = a * c - b * b
@@ -190,7 +190,7 @@ def _write_ball_contact(keys, numbers, count, feature, x, r_x, y, r_y, fallback,
 def _write_segment_contacts(p, half_p, r_p, q, half_q, r_q, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
     """Write the contacts of two segments with radii: of each end with the other segment, and between the ends.
 
-    Two ends are in contact if each is the point of its segment that is nearest to the other.
+    Two ends are in contact if each end is the point of its segment nearest to the other end.
     """
     fallback = np.cross(p[1] - p[0], q[1] - q[0])
     length = np.sqrt(dot(fallback, fallback))
@@ -236,46 +236,46 @@ def nearest_on_polyhedron(packed, body, point, foot, normal):  # type: ignore[no
             highest, best = height, face
         if height > 0.0:
             nearest = _nearest_on_face(packed, body, face, point, height)
-            apart = point - nearest
-            if dot(apart, apart) < squared:
-                squared = dot(apart, apart)
+            offset = point - nearest
+            if dot(offset, offset) < squared:
+                squared = dot(offset, offset)
                 foot[:] = nearest
-    own = packed.normals[best]
+    face_normal = packed.normals[best]
     if highest <= 0.0:
-        foot[:] = point - highest * own
-        normal[:] = own
+        foot[:] = point - highest * face_normal
+        normal[:] = face_normal
         return highest
     distance = np.sqrt(squared)
-    # over the interior of a face the distance is the height, with an exact normal at any height
-    normal[:] = own if distance <= highest * (1.0 + 1e-15) else (point - foot) / distance
+    # above the interior of a face, the distance is the height, and the normal is exact at any height
+    normal[:] = face_normal if distance <= highest * (1.0 + 1e-15) else (point - foot) / distance
     return distance
 
 
 @njit(cache=True)
 def _height(packed, body, face, point):  # type: ignore[no-untyped-def]
-    """Return the height of a point over the plane of a face [m]."""
+    """Return the height of a point above the plane of a face [m]."""
     corner = packed.vertices[packed.vertex_start[body] + packed.loops[packed.loop_start[face]]]
     return dot(point - corner, packed.normals[face])
 
 
 @njit(cache=True)
 def _nearest_on_face(packed, body, face, point, height):  # type: ignore[no-untyped-def]
-    """Return the point of a face that is nearest to a point at ``height`` over its plane."""
+    """Return the point of a face that is nearest to a point at ``height`` above the plane of the face."""
     normal, begin, end = packed.normals[face], packed.loop_start[face], packed.loop_start[face + 1]
-    nearest, squared, is_over = point - height * normal, np.inf, True
-    below = nearest.copy()
+    nearest, squared, is_above = point - height * normal, np.inf, True
+    foot = nearest.copy()
     for k in range(begin, end):
         here = packed.vertices[packed.vertex_start[body] + packed.loops[k]]
         there = packed.vertices[packed.vertex_start[body] + packed.loops[k + 1 if k + 1 < end else begin]]
-        if dot(np.cross(there - here, below - here), normal) >= 0.0:
+        if dot(np.cross(there - here, foot - here), normal) >= 0.0:
             continue
-        is_over = False
-        side = here + nearest_on_segment(below, here, there) * (there - here)
-        apart = below - side
-        if dot(apart, apart) < squared:
-            squared = dot(apart, apart)
-            nearest = side
-    return below if is_over else nearest
+        is_above = False
+        edge_point = here + nearest_on_segment(foot, here, there) * (there - here)
+        offset = foot - edge_point
+        if dot(offset, offset) < squared:
+            squared = dot(offset, offset)
+            nearest = edge_point
+    return foot if is_above else nearest
 
 
 @njit(cache=True)
@@ -283,12 +283,12 @@ def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, k
     """Write the contacts of a segment with a radius on a polyhedron, all in the axes of the polyhedron."""
     corners, edges = packed.vertex_start[body], packed.edge_start[body]
     n_corners, n_edges = packed.vertex_start[body + 1] - corners, packed.edge_start[body + 1] - edges
-    begin, finish, lowest = _part_inside(packed, body, ends)
+    begin, finish, exit_face = _part_inside(packed, body, ends)
     if half > 0.0 and begin < finish:
-        normal = packed.normals[lowest]
+        normal = packed.normals[exit_face]
         for end in range(2):
             point = ends[0] + (finish if end else begin) * (ends[1] - ends[0])
-            height = _height(packed, body, lowest, point)
+            height = _height(packed, body, exit_face, point)
             feature = 2 + n_edges + n_corners + end
             count = write_contact(keys, numbers, count, feature, point - height * normal, normal, sign, height - radius)
         return count
@@ -304,21 +304,21 @@ def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, k
             here = packed.vertices[corners + packed.edges[edges + k, 0]]
             there = packed.vertices[corners + packed.edges[edges + k, 1]]
             s, t = nearest_inside(ends[0], ends[1], here, there)
-            touched = here + t * (there - here)
+            part_point = here + t * (there - here)
         else:
-            touched = packed.vertices[corners + k - n_edges]
-            s = nearest_on_segment(touched, ends[0], ends[1])
+            part_point = packed.vertices[corners + k - n_edges]
+            s = nearest_on_segment(part_point, ends[0], ends[1])
         if not 0.0 < s < 1.0:
             continue
         point = ends[0] + s * (ends[1] - ends[0])
-        apart = point - touched
-        distance = np.sqrt(dot(apart, apart))
+        offset = point - part_point
+        distance = np.sqrt(dot(offset, offset))
         if distance - radius >= margin or distance == 0.0:
             continue
-        nearest = nearest_on_polyhedron(packed, body, point, foot, normal)
-        # if it is smaller, the edge or corner faces away from the segment
-        if nearest >= distance - DISTANCE_TOLERANCE * (radius + half):
-            count = write_contact(keys, numbers, count, 2 + k, touched, apart / distance, sign, distance - radius)
+        nearest_distance = nearest_on_polyhedron(packed, body, point, foot, normal)
+        # if ``nearest_distance`` is smaller, the edge or corner faces away from the segment
+        if nearest_distance >= distance - DISTANCE_TOLERANCE * (radius + half):
+            count = write_contact(keys, numbers, count, 2 + k, part_point, offset / distance, sign, distance - radius)
     return count
 
 
@@ -328,15 +328,15 @@ def _part_inside(packed, body, ends):  # type: ignore[no-untyped-def]
 
     If the segment is outside, the first fraction is not below the second.
     """
-    begin, finish, lowest, highest = 0.0, 1.0, 0, -np.inf
+    begin, finish, exit_face, highest = 0.0, 1.0, 0, -np.inf
     for face in range(packed.face_start[body], packed.face_start[body + 1]):
         first, last = _height(packed, body, face, ends[0]), _height(packed, body, face, ends[1])
         if min(first, last) > highest:
-            lowest, highest = face, min(first, last)
+            exit_face, highest = face, min(first, last)
         if first > 0.0 and last > 0.0:
             return 1.0, 0.0, face
         if first > 0.0:
             begin = max(begin, first / (first - last))
         elif last > 0.0:
             finish = min(finish, first / (first - last))
-    return begin, finish, lowest
+    return begin, finish, exit_face

@@ -25,7 +25,7 @@ class ShapeArrays:
         half_sizes: half the edge lengths of boxes [m], 0 for other shapes, shape (n, 3).
         is_box: whether each shape is a box, shape (n,).
         is_ball: whether each shape is a sphere, shape (n,).
-        round_shapes: kinds, half lengths and radii.
+        round_shapes: kinds, half lengths and radii of all shapes.
     """
 
     shapes: tuple[Shape, ...]
@@ -42,15 +42,16 @@ class ShapeArrays:
 
 def shape_arrays(shapes: tuple[Shape, ...]) -> ShapeArrays:
     """Return shapes as arrays; the same tuple returns the same arrays, without hashing thousands of shapes."""
-    known = _kept.get(id(shapes))
-    if known is None:
-        while len(_kept) >= MAX_KEPT:
-            del _kept[next(iter(_kept))]
-        known = _kept[id(shapes)] = _as_arrays(shapes)  # keeps a reference to the tuple, so that its id is not reused
-    return known
+    arrays = _cache.get(id(shapes))
+    if arrays is None:
+        while len(_cache) >= MAX_KEPT:
+            del _cache[next(iter(_cache))]
+        # the entry keeps a reference to the tuple, so that its id is not reused
+        arrays = _cache[id(shapes)] = _make_arrays(shapes)
+    return arrays
 
 
-def _as_arrays(shapes: tuple[Shape, ...]) -> ShapeArrays:
+def _make_arrays(shapes: tuple[Shape, ...]) -> ShapeArrays:
     n = len(shapes)
     half_sizes, kind, half, radius = np.zeros((n, 3)), np.full(n, POLYHEDRON), np.zeros(n), np.zeros(n)
     for index, shape in enumerate(shapes):
@@ -66,4 +67,4 @@ def _as_arrays(shapes: tuple[Shape, ...]) -> ShapeArrays:
     return ShapeArrays(shapes, half_sizes, half_sizes[:, 0] > 0.0, is_ball, RoundShapes(kind, half, radius))
 
 
-_kept: dict[int, ShapeArrays] = {}
+_cache: dict[int, ShapeArrays] = {}

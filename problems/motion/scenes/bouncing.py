@@ -68,14 +68,14 @@ class BouncingBall(ClosedFormScene):
     def exact(self, time: float) -> State:
         """Return the state at ``time`` [s]: after impact k the ball rises at eᵏ⁺¹ √(2gh), and finally it rests."""
         if time < self.fall_time:
-            return self._at(time, self.height - 0.5 * self.gravity * time**2, -self.gravity * time)
+            return self._state(time, self.height - 0.5 * self.gravity * time**2, -self.gravity * time)
         impact, speed = 0, self.restitution * self.gravity * self.fall_time
         while time < self.rest_time and self.impact_time(impact + 1) <= time and speed > 0.0:
             impact, speed = impact + 1, self.restitution * speed
         flight = time - self.impact_time(impact)
         if time >= self.rest_time or self.gravity * flight > 2.0 * speed:
-            return self._at(time, 0.0, 0.0)
-        return self._at(time, speed * flight - 0.5 * self.gravity * flight**2, speed - self.gravity * flight)
+            return self._state(time, 0.0, 0.0)
+        return self._state(time, speed * flight - 0.5 * self.gravity * flight**2, speed - self.gravity * flight)
 
-    def _at(self, time: float, height: float, velocity: float) -> State:
+    def _state(self, time: float, height: float, velocity: float) -> State:
         return State(time, np.array([0.0, 0.0, self.radius + height]), np.array([0.0, 0.0, velocity]))

@@ -69,10 +69,10 @@ class Force(ABC):
 
         It does unless a subclass of the class that defines ``name`` overrides ``accelerate``.
         """
-        descriptor, accelerator = (
+        describing_class, accelerating_class = (
             next(base for base in type(self).__mro__ if key in vars(base)) for key in (name, "accelerate")
         )
-        return issubclass(descriptor, accelerator)
+        return issubclass(describing_class, accelerating_class)
 
     @abstractmethod
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:

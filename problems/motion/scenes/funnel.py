@@ -1,8 +1,9 @@
 """Balls falling into a funnel (the example of Studer & Glocker 2005, section 5).
 
-The paper gives no geometry; this scene has balls of radius 1 cm and 2500 kg/m³, a cone of half-angle 45° and 14.5 cm
-height over an outlet of 4.5 ball radii, a vertical wall above, and a circular rim at the outlet. The balls start on a
-jittered lattice of pitch 2.3 radii and move downwards at 1 m/s.
+The paper gives no geometry. In this scene, balls have a radius of 1 cm and a density of 2500 kg/m³. A cone with a
+half-angle of 45° and a height of 14.5 cm ends below in an outlet with a radius of 4.5 ball radii and a circular rim,
+and above in a vertical wall. The balls start on a jittered lattice with a pitch of 2.3 radii and move downwards at 1
+m/s.
 """
 
 from collections.abc import Mapping, Sequence
@@ -116,21 +117,25 @@ class Funnel:
         return int(np.count_nonzero(position[self._dimension - 1 :: self._dimension] < 0.0))
 
     def agitation(self, position: FloatArray, velocity: FloatArray) -> float:
-        """Return the mean kinetic energy of the balls above the outlet over m g r; 0 if all are through.
+        """Return the mean kinetic energy of the balls above the outlet divided by m g r; 0 if all are through.
 
         At 1, the balls could rise by one radius. At 1e-4, the balls of a pile move at less than 5 mm/s.
         """
         above = position[self._dimension - 1 :: self._dimension] >= 0.0
         if not above.any():
             return 0.0
-        energies = self._still_system.kinetic_energies(velocity)
+        energies = self._cached_system.kinetic_energies(velocity)
         return float(energies[above].mean()) / (MASS * STANDARD_GRAVITY * RADIUS)
 
     def ending(self, steps: NDArray[np.void]) -> SceneEnding | None:
-        """Return how a pour ends: all balls are through, or the others have rested for ``JAM_SECONDS``; else None."""
+        """Return how a pour ends: all balls are through, or the rest has been still for ``JAM_SECONDS``; else None.
+
+        Args:
+            steps: recent records of the trajectory, with ``time`` and the observables.
+        """
         last = steps[-1]
-        left, seconds = self.n_balls - int(last["balls_through"]), float(last["time"])
-        if not left:
+        n_remaining, seconds = self.n_balls - int(last["balls_through"]), float(last["time"])
+        if not n_remaining:
             sentence = f"emptied: all {self.n_balls} balls are through the outlet after {seconds:.4g} s"
             return SceneEnding("emptied", sentence, True)
         if last["agitation"] > JAM_AGITATION or steps["time"][0] > seconds - JAM_SECONDS:
@@ -138,7 +143,9 @@ class Funnel:
         has_rested = (steps["agitation"][1:] <= JAM_AGITATION).all()
         if not has_rested or steps["balls_through"][1] != last["balls_through"]:
             return None
-        sentence = f"jammed at {seconds:.4g} s: {left} of {self.n_balls} balls rest above the outlet and no ball passes"
+        sentence = (
+            f"jammed at {seconds:.4g} s: {n_remaining} of {self.n_balls} balls rest above the outlet and no ball passes"
+        )
         return SceneEnding("jammed", sentence, False)
 
     def potential_energy(self, position: FloatArray) -> float:
@@ -147,7 +154,7 @@ class Funnel:
         return sum(effect.potential_energy(centres, self._masses) for effect in self._conservative)
 
     @cached_property
-    def _still_system(self) -> BallSystem:
+    def _cached_system(self) -> BallSystem:
         return self.system()
 
     @cached_property
@@ -178,14 +185,14 @@ class Funnel:
     def _lattice(self, dimension: int) -> FloatArray:
         """Return the centres [m], layer by layer from the bottom, inside the wall and above the cone, shape (n, d)."""
         pitch = PITCH * RADIUS
-        reach = self.wall_radius - (1.0 + JITTER) * RADIUS
-        half = int(reach / pitch)
+        max_offset = self.wall_radius - (1.0 + JITTER) * RADIUS
+        half = int(max_offset / pitch)
         ticks = pitch * np.arange(-half, half + 1)
         grid = np.stack(np.meshgrid(*[ticks] * (dimension - 1), indexing="ij"), axis=-1).reshape(-1, dimension - 1)
-        grid = grid[np.sqrt((grid**2).sum(axis=1)) <= reach]
-        nearest = np.argsort(np.round((grid**2).sum(axis=1), 12), kind="stable")
+        grid = grid[np.sqrt((grid**2).sum(axis=1)) <= max_offset]
+        by_distance = np.argsort(np.round((grid**2).sum(axis=1), 12), kind="stable")
         per_layer = min(len(grid), max(1, round(self.n_balls ** (1.0 - 1.0 / dimension))))
-        grid = grid[np.sort(nearest[:per_layer])]
+        grid = grid[np.sort(by_distance[:per_layer])]
         index = np.arange(self.n_balls)
         height = CONE_HEIGHT + pitch * (1 + index // len(grid))
         centres = np.column_stack([grid[index % len(grid)], height])

@@ -44,12 +44,12 @@ class RollingSphere(ClosedFormScene):
 
     @property
     def rolls(self) -> bool:
-        """Whether the sphere rolls without slip: μ > 0 and tan θ ≤ μ (5 sin²α + 2)/(2 sin α), on a plane 7μ/2.
+        """Whether the sphere has friction and rolls without slip: tan θ ≤ μ (5 sin²α + 2)/(2 sin α), on a plane 7μ/2.
 
-        Rolling requires the force m g sin θ κ/(1 + κ), κ = 2/(5 sin²α), and 2 μ times the force m g cos θ/(2 sin α)
-        of each wall is available; on a plane, 2/7 m g sin θ and μ m g cos θ. For tan θ above the bound, up to
-        sin α/√(sin²α − μ² cos²α) times it, a ball wedged by friction across a groove can also roll; the motion from
-        rest is not unique there.
+        Rolling requires the friction force m g sin θ κ/(1 + κ) with κ = 2/(5 sin²α), on a plane 2/7 m g sin θ.
+        Each of two walls has the normal force m g cos θ/(2 sin α), so friction is at most μ m g cos θ/sin α. For tan θ
+        above the bound, up to sin α/√(sin²α − μ² cos²α) times it, a ball wedged by friction across a groove can also
+        roll; the motion from rest is not unique there.
         """
         if self.friction is None:
             return False

@@ -100,8 +100,8 @@ def _option(field: "Field[Any]", meaning: str) -> Option:
 def _attribute_texts(scene_class: type) -> dict[str, str]:
     """Return the descriptions of attributes in the docstring of a class."""
     attributes = (inspect.getdoc(scene_class) or "").partition("Attributes:\n")[2].partition("\n\n")[0]
-    found = re.findall(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", attributes, re.MULTILINE)
-    return {name: " ".join(text.split()).rstrip(".") for name, text in found}
+    matches = re.findall(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", attributes, re.MULTILINE)
+    return {name: " ".join(text.split()).rstrip(".") for name, text in matches}
 
 
 KNOWN_MOTIONS: Mapping[str, SceneKind] = {

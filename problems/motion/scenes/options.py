@@ -23,7 +23,7 @@ class Option:
         lowest: smallest allowed number.
         highest: largest allowed number.
         choices: allowed words, if the value is a word.
-        can_be_off: whether None is allowed.
+        can_be_off: whether None, which switches the effect off, is allowed.
     """
 
     default: OptionValue
@@ -73,7 +73,7 @@ class Option:
 
 
 def complete(scene: str, options: Mapping[str, Option], given: Mapping[str, object]) -> dict[str, OptionValue]:
-    """Return the value of each option of the scene called ``scene``: the checked value given, or the default.
+    """Return the value of each option of the scene called ``scene``: the checked value in ``given``, or the default.
 
     Raises:
         ProblemError: if an option is unknown (the message suggests the nearest one), or a value is out of range.

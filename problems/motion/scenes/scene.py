@@ -57,7 +57,7 @@ class SceneEnding:
 
     Attributes:
         name: identifier in files and JSON.
-        sentence: description of what happened, without a full stop.
+        sentence: description of the ending, without a full stop.
         is_success: whether the scene ended as intended.
     """
 
@@ -207,7 +207,7 @@ def completed(scene: Scene) -> Scene:
     """Check the start of a scene of rigid bodies, and apply ``bounded`` to it; return other scenes unchanged.
 
     Raises:
-        ProblemError: if rigid bodies cannot start from this state, see ``check_start``, or one of them is farther than
+        ProblemError: if rigid bodies cannot start from this state (see ``check_start``), or a body is farther than
             ``WORLD_RADIUS`` from the origin.
     """
     bodies = scene.system
@@ -229,11 +229,11 @@ FARTHEST = "farthest"
 
 
 def bounded(scene: Scene, bodies: RigidBodies, radius: float = WORLD_RADIUS) -> Scene:
-    """Return a scene of rigid bodies that ends when one of them is farther than ``radius`` [m] from the origin.
+    """Return a scene of rigid bodies that ends when a body is farther than ``radius`` [m] from the origin.
 
     The observable ``FARTHEST`` records the largest distance.
     """
-    own = scene.ending
+    scene_rule = scene.ending
 
     def farthest(state: State) -> float:
         return float(np.linalg.norm(bodies.centres(state.position), axis=1).max(initial=0.0))
@@ -246,10 +246,10 @@ def bounded(scene: Scene, bodies: RigidBodies, radius: float = WORLD_RADIUS) -> 
                 f"{radius:g} m; earlier steps are kept"
             )
             return SceneEnding("left-world", sentence, False)
-        return None if own is None else own.find(steps)
+        return None if scene_rule is None else scene_rule.find(steps)
 
     observables = [observable for observable in scene.observables if observable.name != FARTHEST]
-    ending = EndingRule(0.0 if own is None else own.seconds, find)
+    ending = EndingRule(0.0 if scene_rule is None else scene_rule.seconds, find)
     return replace(scene, observables=(*observables, Observable(FARTHEST, farthest)), ending=ending)
 
 
@@ -260,9 +260,9 @@ RESTING_OVERLAP = 1e-5
 """Initial depth of faces that rest or slide on each other [m].
 
 A solution within the tolerance τ may open a contact with the velocity τ max|c|, where c are the free velocities, and
-nothing closes it again. A contact
-of depth d therefore lasts for at least d/(τ max|c|). If the contact opens, its body falls for a step, tilts, and opens
-other contacts. With τ = 1e-6, max|c| = g Δt and Δt = 10 ms, this depth lasts for 100 s."""
+nothing closes it again. A contact of depth d therefore lasts for at least d/(τ max|c|). If the contact opens, its body
+falls for a step, tilts, and opens other contacts. With τ = 1e-6, max|c| = g Δt and Δt = 10 ms, this depth lasts for
+100 s."""
 
 
 GROUND = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -301,10 +301,10 @@ def kinetic_energy(system: System, start: State, driven_bodies: Sequence[int] = 
 
 
 def check_positive(scene: object, what: str, *names: str) -> None:
-    """Check the attributes ``names`` of a scene, which messages call ``what``.
+    """Check that the attributes ``names`` of a scene are positive and finite; messages call the scene ``what``.
 
     Raises:
-        ProblemError: if an attribute is not positive and finite; the message names the first one.
+        ProblemError: if an attribute is not; the message names the first such attribute.
     """
     for name in names:
         value = getattr(scene, name)

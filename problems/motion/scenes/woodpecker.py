@@ -1,7 +1,7 @@
 """The woodpecker toy: a bird on a spring, hopping down a pole (Glocker 1995; Leine, Glocker & van Campen 2001).
 
 q = (y, φ_M, φ_S): height of the sleeve [m], angle of the sleeve, angle of the bird [rad]. Contact 1 is
-the beak on the pole, 2 the lower edge of the sleeve, and 3 its upper edge. All are planar, with rows N and T.
+the beak on the pole, 2 the lower edge of the sleeve, and 3 its upper edge. All contacts are planar, with rows N and T.
 """
 
 from collections.abc import Mapping
@@ -18,11 +18,23 @@ from .options import Option
 from .scene import Scene, SceneKind, StudyDefaults, kinetic_energy
 
 SLEEVE_MASS, SLEEVE_INERTIA = 3e-4, 5e-9
+"""Mass [kg] and moment of inertia [kg m²] of the sleeve."""
+
 BIRD_MASS, BIRD_INERTIA = 4.5e-3, 7e-7
+"""Mass [kg] and moment of inertia [kg m²] of the bird."""
+
 POLE_RADIUS, SLEEVE_RADIUS, SLEEVE_HALF_HEIGHT = 2.5e-3, 3.1e-3, 5.8e-3
+"""Radius of the pole, and radius and half the height of the sleeve [m]."""
+
 SPRING_ARM, BIRD_ARM = 1e-2, 1.5e-2
+"""Distance of the spring from the axis of the pole, and of the centre of the bird from the spring [m]."""
+
 BEAK_HEIGHT, BEAK_ARM = 2e-2, 2.01e-2
+"""Height of the beak above the centre of the bird, and its horizontal distance from the centre [m]."""
+
 SPRING_STIFFNESS, GRAVITY = 5.6e-3, 9.81
+"""Stiffness of the spring [N m/rad], and default gravitational acceleration [m/s²]."""
+
 FRICTION = 0.3
 """Default μ of all contacts."""
 
@@ -92,7 +104,7 @@ def woodpecker(
 
     Args:
         friction: μ of all contacts; if None, contacts have one row and no friction.
-        beak_restitution: ε_N of the beak; that of the sleeve is 0.
+        beak_restitution: ε_N of the beak; ε_N of the edges of the sleeve is 0.
         gravity: g [m/s²].
 
     Raises:
@@ -101,9 +113,9 @@ def woodpecker(
 
     def force(position: FloatArray, velocity: FloatArray) -> FloatArray:
         spring = SPRING_STIFFNESS * (position[1] - position[2])
-        weight = BIRD_MASS * gravity
-        fall = -(BIRD_MASS + SLEEVE_MASS) * gravity
-        return np.array([fall, -spring - weight * SPRING_ARM, spring - weight * BIRD_ARM])
+        bird_weight = BIRD_MASS * gravity
+        total_weight = (BIRD_MASS + SLEEVE_MASS) * gravity
+        return np.array([-total_weight, -spring - bird_weight * SPRING_ARM, spring - bird_weight * BIRD_ARM])
 
     directions = _DIRECTIONS if friction is not None else _DIRECTIONS[:, ::2]
     return MechanicalSystem(
@@ -120,7 +132,7 @@ def woodpecker(
 
 
 def potential_energy(position: FloatArray, gravity: float = GRAVITY) -> float:
-    """Return V(q) [J] of weight and spring; q has shape (3,)."""
+    """Return V(q) [J] of the weight and the spring; q has shape (3,)."""
     height, sleeve, bird = position
     weight = (BIRD_MASS + SLEEVE_MASS) * height + BIRD_MASS * (SPRING_ARM * sleeve + BIRD_ARM * bird)
     return float(gravity * weight + 0.5 * SPRING_STIFFNESS * (sleeve - bird) ** 2)
@@ -135,11 +147,11 @@ def section_start(overlap: float = 0.0) -> State:
     """Return the state of the limit cycle in which the lower edge of the sleeve begins to slip.
 
     Args:
-        overlap: depth [m] of that edge in the pole. At 0, rounding of the gap determines whether the first steps
+        overlap: depth [m] of the lower edge in the pole. At 0, rounding of the gap determines whether the first steps
             detect a closed contact; with ``OVERLAP`` they always do.
     """
-    jammed = -(SLEEVE_RADIUS - POLE_RADIUS + overlap) / SLEEVE_HALF_HEIGHT
-    return State(0.0, np.array([0.0, jammed, -0.20513534924352575]), np.array([0.0, 0.0, 17.574666205576078]))
+    sleeve_angle = -(SLEEVE_RADIUS - POLE_RADIUS + overlap) / SLEEVE_HALF_HEIGHT
+    return State(0.0, np.array([0.0, sleeve_angle, -0.20513534924352575]), np.array([0.0, 0.0, 17.574666205576078]))
 
 
 def section_error(state: State) -> float:
@@ -150,7 +162,7 @@ def section_error(state: State) -> float:
         state.position[2] - start.position[2],
         state.velocity[2] - start.velocity[2],
     )
-    return max(abs(float(error)) / reach for error, reach in zip(errors, RANGES, strict=True))
+    return max(abs(float(error)) / extent for error, extent in zip(errors, RANGES, strict=True))
 
 
 LIMIT_CYCLE = KnownCycle(
@@ -192,7 +204,7 @@ _OPTIONS = {
     "gravity": Option(GRAVITY, "gravitational acceleration [m/s²]", can_be_off=True),
     "friction": Option(FRICTION, "friction coefficient; off: no friction laws", can_be_off=True),
     "restitution": Option(RESTITUTION[0], "normal restitution of the beak", highest=1.0, can_be_off=True),
-    "start": Option("published", "first state", choices=("published", "cycle")),
+    "start": Option("published", "initial state", choices=("published", "cycle")),
 }
 
 WOODPECKER = SceneKind(

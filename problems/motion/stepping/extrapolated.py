@@ -58,7 +58,7 @@ class Extrapolated(VariableStepper):
         return extended
 
     def complete_attempt(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
-        """Return the attempt with the extrapolated (q, u); if this reverses a slip, return an attempt without end."""
+        """Return the attempt with the extrapolated (q, u); if a slip reverses, return an attempt without end."""
         assert sequence.end is not None
         position, velocity = np.split(last, [len(sequence.end.position)])
         if _reverses_slip(sequence.substeps[-1][0], sequence.states, velocity):
@@ -71,11 +71,11 @@ class Extrapolated(VariableStepper):
 
 
 def _reverses_slip(step: Step, states: LawStates, velocity: FloatArray) -> bool:
-    """Whether a contact that slips in ``step`` would slip the other way with the extrapolated ``velocity``."""
+    """Return whether a contact that slips in ``step`` would slip the other way with the extrapolated ``velocity``."""
     if step.contacts is None or not states.slips:
         return False
-    sliding = step.contacts.lanes(step.contacts.transposed_times(velocity))
+    velocities = step.contacts.lanes(step.contacts.transposed_times(velocity))
     rows = np.searchsorted(step.contacts.keys, list(states.slips))
     friction = np.array(list(states.slips.values()))
-    against = np.einsum("ij,ij->i", sliding[rows, 1 : 1 + friction.shape[1]], friction)
-    return bool((against > 0.0).any())
+    friction_power = np.einsum("ij,ij->i", velocities[rows, 1 : 1 + friction.shape[1]], friction)
+    return bool((friction_power > 0.0).any())

@@ -7,9 +7,10 @@ From t_B to t_E = t_B + Δt:
     −(G Λ + c)_i ∈ N_{C_i}(Λ_i)                             solved by any solver
     u_E = u_B + M⁻¹ (h Δt + W Λ),   q_E = q_M + u_E Δt/2
 
-χ is the target speed of motors. If h depends on the velocity, as gyroscopic moments do, the step is solved twice: with
-h of the free motion, and then with h at the velocity (u_B + u_E)/2 of the first solution. The error of Λ is O(Δt²) in
-the first solution, and that of u_E is O(Δt³) in the second. The order is therefore 2 for rotating bodies with joints.
+χ is the target speed of motors. Forces h that depend on the velocity are taken at u_B, except gyroscopic moments. With
+these, the step is solved twice: with h of the free motion, and then with h at the velocity (u_B + u_E)/2 of the first
+solution. The error of Λ is O(Δt²) in the first solution, and that of u_E is O(Δt³) in the second. The order is
+therefore 2 for rotating bodies with joints.
 
 Optionally, a projection at q_E moves penetrating bodies apart to an allowed depth and closes joints (see
 ``position_projection``).
@@ -113,7 +114,7 @@ class MidpointRule:
         """Yield ``count`` successive steps from ``state``.
 
         Raises:
-            StepError: if the system or the solver fails in one of them, or the motion is no longer finite.
+            StepError: if the system or the solver fails in a step, or the motion is no longer finite.
         """
         for _ in range(count):
             try:
@@ -147,7 +148,7 @@ def _without_rebound(contacts: ActiveContacts, inelastic: tuple[int, ...]) -> Ac
 
 
 def _matched_impulses(state: State, contacts: ActiveContacts) -> FloatArray:
-    """Return the last impulses of the contacts that persist and zero for new ones, shape (n_rows,)."""
+    """Return the last impulses of contacts that persist, and zero for new contacts, shape (n_rows,)."""
     start = np.zeros((len(contacts.keys), contacts.width))
     if state.impulses.shape[1] == contacts.width:
         _copy_matching(state.keys, state.impulses, contacts.keys, start)

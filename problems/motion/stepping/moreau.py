@@ -39,7 +39,11 @@ class Moreau(Stepper):
         return self.shortest_step(scene)
 
     def check(self, scene: Scene, begin: float, until: float) -> None:
-        """Check Δt, which must not be longer than the motion."""
+        """Check Δt.
+
+        Raises:
+            ProblemError: if Δt is not positive and finite, or is longer than the motion.
+        """
         length = self.shortest_step(scene)
         if not 0.0 < length < math.inf:
             raise ProblemError(f"step of Moreau must be positive and finite, got {length} s.")
@@ -51,9 +55,9 @@ class Moreau(Stepper):
         scene, state = setup.scene, setup.start
         rule = MidpointRule(scene.system, setup.solver, setup.stop, self.shortest_step(scene), depth=scene.depth)
         while not self.has_reached(scene, state, setup.until):
-            began = perf_counter()
+            wall_start = perf_counter()
             step = rule.step(state)
-            seconds = perf_counter() - began
+            seconds = perf_counter() - wall_start
             check_finite(state, step.state)
             yield AcceptedStep(state, step.state, ((step, rule.time_step),), seconds=seconds)
             state = step.state

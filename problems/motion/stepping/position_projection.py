@@ -56,7 +56,7 @@ class Projection(NamedTuple):
     Attributes:
         position: q, shape (n_coordinates,).
         velocity: u, shape (n_dofs,).
-        overlap: the largest penetration there [m] if the projection did not reach its tolerance; otherwise 0.
+        overlap: the largest penetration at ``position`` [m] if the projection did not reach its tolerance; otherwise 0.
     """
 
     position: FloatArray
@@ -67,7 +67,7 @@ class Projection(NamedTuple):
 def projected(system: System, position: FloatArray, velocity: FloatArray, depth: float) -> Projection:
     """Return the position in which no contact is deeper than ``depth``, and the velocity.
 
-    If no pass reaches this depth, the position is that of the shallowest pass.
+    If no pass reaches this depth, the position is that of the pass with the least penetration.
 
     Args:
         system: the mechanical system.
@@ -102,7 +102,7 @@ def projected(system: System, position: FloatArray, velocity: FloatArray, depth:
 def _close_joints(
     system: System, position: FloatArray, velocity: FloatArray, overlaps: Overlaps, depth: float
 ) -> Projection:
-    """Return q with closed joints and separated contacts, and u without the part that opens them; see ``projected``."""
+    """Return q with closed joints and separated contacts, and u that keeps joints closed; see ``projected``."""
     joints, tolerated = overlaps.joints, (1.0 + ACCURACY) * depth
     for _ in range(MAX_PASSES):
         assert joints is not None
@@ -119,30 +119,32 @@ def _close_joints(
             f"joints stay open by {opening:.3g} m or rad at the end of a step; shorten the step to less than 2/ω of "
             "the fastest oscillation under the forces in the joints."
         )
-    spread, inverse = _joint_inverse(overlaps.inverse_mass, joints)
+    responses, inverse = _joint_inverse(overlaps.inverse_mass, joints)
     rates = _transposed_times(*_entries(joints), velocity)
-    velocity = velocity - spread @ (inverse @ rates)
+    velocity = velocity - responses @ (inverse @ rates)
     overlap = -float(overlaps.gap.min(initial=0.0))
     return Projection(position, velocity, overlap if overlap > tolerated else 0.0)
 
 
 def _joint_displacement(overlaps: Overlaps, joints: JointErrors, depth: float) -> FloatArray:
-    """Return δq = M⁻¹ (W_N p + W p_J), shape (n_dofs,), that closes joints and moves contacts apart.
+    """Return δq = M⁻¹ (W_N p + W p_J), shape (n_dofs,), which closes joints and moves contacts apart.
 
     With A = Wᵀ M⁻¹ W of the joints, δq = −M⁻¹ W A⁺ r closes them. Contacts then move by P = M⁻¹ − M⁻¹ W A⁺ Wᵀ M⁻¹,
     which keeps the joints closed.
     """
-    spread, inverse = _joint_inverse(overlaps.inverse_mass, joints)
-    closing: FloatArray = -spread @ (inverse @ joints.residual)
+    responses, inverse = _joint_inverse(overlaps.inverse_mass, joints)
+    closing: FloatArray = -responses @ (inverse @ joints.residual)
     if not len(overlaps.gap):
         return closing
     normals = overlaps.normals
     assert not isinstance(normals, Pieces)
-    free = (overlaps.inverse_mass.matrix @ normals).toarray()
-    free -= spread @ (inverse @ (spread.T @ normals))
+    normal_responses = (overlaps.inverse_mass.matrix @ normals).toarray()
+    normal_responses -= responses @ (inverse @ (responses.T @ normals))
     pushes = np.zeros(len(overlaps.gap))
-    _push_apart(np.ascontiguousarray(normals.T @ free), overlaps.gap + depth + normals.T @ closing, depth, pushes)
-    displacement: FloatArray = closing + free @ pushes
+    _push_apart(
+        np.ascontiguousarray(normals.T @ normal_responses), overlaps.gap + depth + normals.T @ closing, depth, pushes
+    )
+    displacement: FloatArray = closing + normal_responses @ pushes
     return displacement
 
 
@@ -156,18 +158,18 @@ def _joint_inverse(inverse_mass: InverseMass, joints: JointErrors) -> tuple[Floa
     """Return M⁻¹ W, shape (n_dofs, n_rows), and A⁺, which ignores redundant combinations of rows.
 
     Raises:
-        InsufficientMemoryError: if the available memory does not suffice for these and for the eigenvectors of A.
+        InsufficientMemoryError: if the available memory does not suffice for these matrices and the eigenvectors of A.
     """
     n_rows = len(joints.residual)
     require_memory(joint_bytes(joints), f"closing joints with {n_rows:,} rows", "simulate fewer joints")
     directions, matrix = joints.directions.toarray(), inverse_mass.matrix
-    spread = matrix.data[:, None] * directions if inverse_mass.is_diagonal else matrix @ directions
-    gram = _transposed_times(*_entries(joints), spread)
+    responses = matrix.data[:, None] * directions if inverse_mass.is_diagonal else matrix @ directions
+    gram = _transposed_times(*_entries(joints), responses)
     scale = 1.0 / np.sqrt(gram.diagonal())
     values, vectors = np.linalg.eigh(scale[:, None] * gram * scale)
     is_kept = values > REDUNDANCY_TOLERANCE * values.max(initial=0.0)
-    kept = scale[:, None] * vectors[:, is_kept]
-    return spread, (kept / values[is_kept]) @ kept.T
+    basis = scale[:, None] * vectors[:, is_kept]
+    return responses, (basis / values[is_kept]) @ basis.T
 
 
 def _entries(joints: JointErrors) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.int32]]:
@@ -188,15 +190,15 @@ def _transposed_times(data, dofs, starts, vector):  # type: ignore[no-untyped-de
 @njit(cache=True)
 def _push_apart(matrix, space, depth, pushes):  # type: ignore[no-untyped-def]
     """Solve 0 ≤ space + matrix · pushes ⊥ pushes ≥ 0 by Gauss–Seidel, without contacts that joints hold in place."""
-    held_diagonal = REDUNDANCY_TOLERANCE * matrix.max()
+    min_diagonal = REDUNDANCY_TOLERANCE * matrix.max()
     for _ in range(MAX_SWEEPS):
         deepest = 0.0
         for i in range(len(pushes)):
-            if matrix[i, i] <= held_diagonal:
+            if matrix[i, i] <= min_diagonal:
                 continue
-            now = space[i] + matrix[i] @ pushes
-            deepest = max(deepest, -now)
-            pushes[i] = max(pushes[i] - now / matrix[i, i], 0.0)
+            gap = space[i] + matrix[i] @ pushes
+            deepest = max(deepest, -gap)
+            pushes[i] = max(pushes[i] - gap / matrix[i, i], 0.0)
         if deepest <= ACCURACY * depth:
             break
 
@@ -268,10 +270,10 @@ def _move_balls_apart(chunks, normals, inverse, length, gap, depth, displacement
             first, second, space = chunks[2 * c] * length, chunks[2 * c + 1] * length, gap[c] + depth
             has_second = chunks[2 * c + 1] < idle
             for axis in range(dim):
-                apart = displacement[first + axis]
+                separation = displacement[first + axis]
                 if has_second:
-                    apart -= displacement[second + axis]
-                space += normals[c, axis] * apart
+                    separation -= displacement[second + axis]
+                space += normals[c, axis] * separation
             deepest = max(deepest, -space)
             if space >= 0.0 and impulses[c] == 0.0:
                 continue

@@ -28,20 +28,20 @@ def make_stepper(text: str) -> Stepper:
         ProblemError: if the stepper, an option or the search of switching points is unknown (the message suggests the
             nearest name), or a value has the wrong type.
     """
-    written = read_name(text, "stepper", EXAMPLE, ProblemError)
-    name = written.plain
+    parsed = read_name(text, "stepper", EXAMPLE, ProblemError)
+    name = parsed.plain
     if name not in STEPPERS:
         raise ProblemError(f"there is no stepper {name!r}{suggestion(name, STEPPERS)}")
     kind: Any = STEPPERS[name]
-    if written.parts:
+    if parsed.parts:
         raise ProblemError(f"cannot read {text!r:.200} as a stepper; name its options: {EXAMPLE}.")
-    known = {field.name: field.default for field in fields(kind)}
-    check_options(name, written.options, known, ProblemError)
-    for option, value in written.options.items():
-        if value is None and known[option] is None:  # the scene determines the number
+    defaults = {field.name: field.default for field in fields(kind)}
+    check_options(name, parsed.options, defaults, ProblemError)
+    for option, value in parsed.options.items():
+        if value is None and defaults[option] is None:  # the scene determines the number
             continue
-        types, type_text = _TYPES.get(type(known[option]), ((int, float), "a number"))
+        types, type_text = _TYPES.get(type(defaults[option]), ((int, float), "a number"))
         if not isinstance(value, types) or isinstance(value, bool):
             raise ProblemError(f"{option} of {name} must be {type_text}, got {value!r}.")
-    stepper: Stepper = kind(**written.options)
+    stepper: Stepper = kind(**parsed.options)
     return stepper

@@ -78,20 +78,20 @@ class Attempt:
 
 
 def take_sequence(counter: StepCounter, state: State, length: float, count: int, states: LawStates | None) -> Attempt:
-    """Take ``count`` steps that make up ``length`` [s]; stop at the first one whose laws leave ``states``."""
+    """Take ``count`` steps that make up ``length`` [s]; stop at the first step whose laws leave ``states``."""
     substeps: list[tuple[Step, float]] = []
-    part = length / count
+    part_length = length / count
     for _ in range(count):
-        step = counter.take(state, part, () if states is None else states.closed)
-        found = law_states(step)
-        if states is not None and not found.is_unchanged_since(states):
-            return Attempt(None, [], found, substeps)
-        states, state = found, step.state
-        substeps.append((step, part))
+        step = counter.take(state, part_length, () if states is None else states.closed)
+        new_states = law_states(step)
+        if states is not None and not new_states.is_unchanged_since(states):
+            return Attempt(None, [], new_states, substeps)
+        states, state = new_states, step.state
+        substeps.append((step, part_length))
     assert states is not None
     return Attempt(state, [], states, substeps)
 
 
 def is_reversible(system: System) -> bool:
-    """Whether a system declares that its motion is reversible; see ``MechanicalSystem``."""
+    """Return whether a system declares that its motion is reversible; see ``MechanicalSystem``."""
     return bool(getattr(system, "is_reversible", False))

@@ -1,8 +1,8 @@
 """Steppers: named methods with options that compute a motion from one accepted step to the next.
 
-A stepper is a frozen dataclass of its options, ``Extrapolated(tolerance=1e-8)``; ``name`` returns this text, and
-``make_stepper`` reads it. Each stepper yields ``AcceptedStep``: a fixed step has a single one-step solve and no
-switching point.
+A stepper is a frozen dataclass of its options. Its ``name`` is a text such as ``Extrapolated(tolerance=1e-8)``, which
+``make_stepper`` reads. Each stepper yields instances of ``AcceptedStep``; a fixed step has a single one-step solve and
+no switching point.
 """
 
 from abc import ABC, abstractmethod
@@ -78,7 +78,7 @@ class Stepper(ABC):
         return TIME_RESOLUTION * scene.longest_step
 
     def has_reached(self, scene: Scene, state: State, until: float) -> bool:
-        """Whether ``state`` is at the time ``until`` [s] or past it, up to rounding."""
+        """Return whether ``state`` is at the time ``until`` [s] or past it, up to rounding."""
         return until - state.time <= END_TOLERANCE * self.shortest_step(scene)
 
     @abstractmethod
@@ -86,7 +86,7 @@ class Stepper(ABC):
         """Check the options and the times before the motion starts.
 
         Raises:
-            ProblemError: if an option is out of range, a time is too short, or the scene is not supported.
+            ProblemError: if an option or a time is out of range, or the scene is not supported.
         """
 
     def steps(
@@ -104,7 +104,7 @@ class Stepper(ABC):
         Raises:
             ProblemError: as ``check`` does.
             StepError, MotionError: if the motion cannot be continued.
-            Exception: whatever the solver or the system raises in a fixed step.
+            Exception: any exception that the solver or the system raises in a fixed step.
         """
         return self.follow(MotionSetup(scene, solver, stop, start, until, states))
 

@@ -1,11 +1,11 @@
 """Searches for switching points: the length of the next trial after a law has switched, or before it switches.
 
-``NestedIntervals`` is the search of the paper. The switch may lie in *either* of two successive steps whose laws
-differ, so both are repeated with half the length, down to the minimal step (figure 3). ``LastStepOnly`` repeats only
-the second step. Its error does not converge, because a gap may have closed in the second half of the first step, after
-the last evaluation. ``Anticipating`` approaches the switch from before, and needs four steps instead of forty. It
-extrapolates the margins of all laws: a margin is positive while a law keeps its state, and zero when the law switches.
-
+``NestedIntervals`` is the search of Studer & Glocker (2005). The switch may lie in *either* of two successive steps
+whose laws differ, so both are repeated with half the length, down to the minimal step (figure 3). ``LastStepOnly``
+repeats only the second step. Its error does not converge, because a gap may have closed in the second half of the first
+step, after the last evaluation. ``Anticipating`` approaches the switch from before, and needs four steps instead of
+forty. It extrapolates the margins of all laws: a margin is positive while a law keeps its state, and zero when the law
+switches.
     open contact      g                    the gap closes
     closed contact    Λ_N / Δt             the force vanishes
     sticking          (b − ‖Λ_T‖) / Δt     the friction force reaches its bound
@@ -76,7 +76,7 @@ class Search(ABC):
         """Return the length to try after an attempt of ``length`` in which a law switched."""
 
     def has_passed_switch(self, begin: State, end: State, attempt: Attempt) -> bool:
-        """Whether an apparently smooth attempt has passed a switch."""
+        """Return whether an apparently smooth attempt has passed a switch."""
         return False
 
     def length_after_step(self, now: float, length: float, wanted: float) -> float:
@@ -98,26 +98,26 @@ class NestedIntervals(Search):
 
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
         super().__init__(system, min_step, max_step)
-        self._seen_before = float("inf")
+        self._switch_bound = float("inf")
 
     def length_after_switch(self, now: float, length: float, attempt: Attempt) -> float:
-        """Return half the length, and remember that the switch comes before the end of the attempt."""
-        self._seen_before = min(self._seen_before, now + length)
+        """Return half the length, and record that the switch precedes the end of the attempt."""
+        self._switch_bound = min(self._switch_bound, now + length)
         return max(self._min_step, 0.5 * length)
 
     def length_after_step(self, now: float, length: float, wanted: float) -> float:
         """Let the step grow at most twofold, and not while a switch is being located."""
-        if now + length > self._seen_before:
-            self._seen_before = float("inf")
-        return min(2.0 * length if self._seen_before == float("inf") else length, wanted)
+        if now + length > self._switch_bound:
+            self._switch_bound = float("inf")
+        return min(2.0 * length if self._switch_bound == float("inf") else length, wanted)
 
     def record_switch(self, state: State) -> None:
         """Record that the switch is located."""
-        self._seen_before = float("inf")
+        self._switch_bound = float("inf")
 
 
 class LastStepOnly(NestedIntervals):
-    """Search that halves the step, and repeats only the second of two steps whose laws differ; its error stagnates."""
+    """Search that halves the step, and repeats only the second of two steps whose laws differ; the error stagnates."""
 
     withdraws_last_step = False
 
@@ -128,22 +128,22 @@ class Anticipating(Search):
     def __init__(self, system: System, min_step: float, max_step: float) -> None:
         super().__init__(system, min_step, max_step)
         self._margins = Margins(system, max_step)
-        self._waited = 0
+        self._n_minimal_steps = 0
 
     def limited_length(self, now: float, length: float) -> float:
         """Return ``length``, or the time to just before the next switching point if that is shorter."""
-        due, doubt = self._margins.next_switch(now)
-        if not due < now + 1.2 * length:
-            self._waited = 0
+        switch_time, uncertainty = self._margins.next_switch(now)
+        if not switch_time < now + 1.2 * length:
+            self._n_minimal_steps = 0
             return length
-        approach = due - now - max(2.0 * doubt, 0.5 * self._min_step)
-        if approach < 0.3 * (due - now):
-            approach = 0.5 * (due - now)
+        approach = switch_time - now - max(2.0 * uncertainty, 0.5 * self._min_step)
+        if approach < 0.3 * (switch_time - now):
+            approach = 0.5 * (switch_time - now)
         if approach > self._min_step:
             return min(length, approach)
-        self._waited += 1
+        self._n_minimal_steps += 1
         # a wrong margin must not slow the motion indefinitely
-        return min(length, self._min_step * 2.0 ** min(max(0, self._waited - 4), 60))
+        return min(length, self._min_step * 2.0 ** min(max(0, self._n_minimal_steps - 4), 60))
 
     def length_after_switch(self, now: float, length: float, attempt: Attempt) -> float:
         """Return a fraction of the smooth part of the attempt."""
@@ -154,7 +154,7 @@ class Anticipating(Search):
         return max(self._min_step, factor * length)
 
     def has_passed_switch(self, begin: State, end: State, attempt: Attempt) -> bool:
-        """Whether a gap has closed within the step, or a force has vanished after its last evaluation."""
+        """Return whether a gap has closed within the step, or a force has vanished after its last evaluation."""
         return self._margins.penetrates(begin, end) or self._margins.has_ended_force(attempt.substeps, attempt.states)
 
     def record_step(self, substeps: Substeps, states: LawStates) -> None:
@@ -166,7 +166,7 @@ class Anticipating(Search):
         """Restart after a switching point."""
         self._margins.forget()
         self._margins.record_gaps(state)
-        self._waited = 0
+        self._n_minimal_steps = 0
 
 
 class Margins:
@@ -183,7 +183,7 @@ class Margins:
         self._values: dict[MarginKey, deque[tuple[float, float]]] = {}
 
     def forget(self) -> None:
-        """Discard all margins, because a switching point was passed."""
+        """Discard all margins after a switching point."""
         self._values.clear()
 
     def record(self, step: Step, length: float, states: LawStates) -> None:
@@ -201,26 +201,26 @@ class Margins:
                 self._add(("gap", contact), state.time, gap)
 
     def penetrates(self, before: State, after: State) -> bool:
-        """Whether a gap is open in the first state and closed in the second."""
+        """Return whether a gap is open in the state ``before`` and closed in the state ``after``."""
         closed = self._system.gaps_below(after.position, 0.0)[0]
         return not np.isin(closed, self._system.gaps_below(before.position, 0.0)[0], assume_unique=True).all()
 
     def has_ended_force(self, substeps: Substeps, states: LawStates) -> bool:
-        """Whether a force has vanished in the second half of the last of several equal steps.
+        """Return whether a force has vanished in the second half of the last of several equal steps.
 
         Laws are evaluated at the middle of each step, m_k = (k + 1/2)/n for k = 0 … n − 1. The polynomial through the
-        n values gives the margin at the end, at 1.
+        n values is evaluated at the end of the interval, 1.
         """
         middles = (np.arange(len(substeps)) + 0.5) / len(substeps)
         weights = np.linalg.solve(np.vander(middles, increasing=True).T, np.ones(len(substeps)))
-        at_end: dict[MarginKey, float] = defaultdict(float)
+        end_values: dict[MarginKey, float] = defaultdict(float)
         largest = 0.0
         for weight, (step, length) in zip(weights.tolist(), substeps, strict=True):
             for key, _, value in _law_margins(step, length, states):
                 if key[0] in FORCES:
-                    at_end[key] += weight * value
+                    end_values[key] += weight * value
                     largest = max(largest, value)
-        return min(at_end.values(), default=0.0) < -ROUNDING * largest
+        return min(end_values.values(), default=0.0) < -ROUNDING * largest
 
     def next_switch(self, now: float) -> tuple[float, float]:
         """Return the time of the next switching point [s], inf if none is predicted, and its uncertainty [s]."""
@@ -232,8 +232,8 @@ class Margins:
 
     def _speed(self, state: State) -> float:
         """Return a bound on the rate of gaps [m/s]: twice the largest rate of a coordinate."""
-        moved = self._system.move(state.position, state.velocity, 1.0) - state.position
-        return 2.0 * float(np.abs(moved).max(initial=0.0))
+        displacement = self._system.move(state.position, state.velocity, 1.0) - state.position
+        return 2.0 * float(np.abs(displacement).max(initial=0.0))
 
     def _add(self, key: MarginKey, time: float, value: float) -> None:
         self._values.setdefault(key, deque(maxlen=MEMORY)).append((time, value))
@@ -271,14 +271,14 @@ def _earliest_root(values: FloatArray, now: float) -> tuple[float, float]:
     if not np.isfinite(root[first]):
         return np.inf, np.inf
     begin, width = float(origin[first, 0]), float(span[first, 0])
-    coarser = _first_roots(x[first : first + 1, 1:], y[first : first + 1, 1:], after[first : first + 1])[0]
+    coarse_root = _first_roots(x[first : first + 1, 1:], y[first : first + 1, 1:], after[first : first + 1])[0]
     time = begin + width * float(root[first])
-    doubt = width * abs(float(root[first] - coarser)) if np.isfinite(coarser) else 0.5 * (time - now)
-    return time, doubt
+    uncertainty = width * abs(float(root[first] - coarse_root)) if np.isfinite(coarse_root) else 0.5 * (time - now)
+    return time, uncertainty
 
 
 def _first_roots(x: FloatArray, y: FloatArray, after: FloatArray) -> FloatArray:
-    """Return the first real root from ``after`` − 1e-3 on of the polynomial through each row of x and y, else inf."""
+    """Return the first real root ≥ ``after`` − 1e-3 of the polynomial through each row of x and y, or inf."""
     n_points = x.shape[1]
     if n_points < 2:
         return np.full(len(x), np.inf)

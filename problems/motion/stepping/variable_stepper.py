@@ -37,7 +37,7 @@ MAX_GROWTH = 50.0
 """Largest ratio of a step to the step before it, unless the number of sequences grows."""
 
 MIN_SHRINKING = 0.1
-"""Smallest ratio of a repeated step to the rejected one."""
+"""Smallest ratio of a repeated step to the rejected step."""
 
 MIN_ULPS = 64.0
 """Smallest ratio of the minimal step to the floating-point spacing of times."""
@@ -51,8 +51,8 @@ class VariableStepper(Stepper):
 
     Attributes:
         tolerance: relative error of one smooth step, between 0 and 1.
-        min_step: Δt_min [s], the accuracy of switching points. A contact that closes with velocity v remains
-            v Δt_min / 2 deep. If errors of the solver and rounding exceed this depth, it opens and closes repeatedly.
+        min_step: Δt_min [s], the accuracy of switching points. A contact that closes with velocity v keeps the depth
+            v Δt_min/2. If errors of the solver and rounding exceed this depth, the contact opens and closes repeatedly.
         max_step: Δt_max [s]; that of the scene if None.
         search: method that locates switching points: "anticipating", "nested" or "last".
         max_levels: largest number of sequences of 1, 2, … steps to compare.
@@ -87,7 +87,7 @@ class VariableStepper(Stepper):
         """Return the order of the error estimate of ``levels`` sequences, as a power of the step."""
 
     def complete_attempt(self, sequence: Attempt, last: FloatArray, time: float) -> Attempt:
-        """Complete the attempt whose ``sequence`` led to T_{n,1}, and whose row ends with ``last`` at ``time`` [s]."""
+        """Complete the attempt of ``sequence``, which gave T_{n,1}; its row ends with ``last`` at ``time`` [s]."""
         return sequence
 
     def shortest_step(self, scene: Scene) -> float:
@@ -134,7 +134,7 @@ class VariableStepper(Stepper):
         except Exception as failure:
             reason = error_text(failure)
             raise StepError(f"the motion cannot start at t = {start.time:.9g} s: {reason}.", start) from failure
-        return _with_own_costs(control.steps())
+        return _with_step_costs(control.steps())
 
     def attempt(
         self,
@@ -155,6 +155,9 @@ class VariableStepper(Stepper):
             states: states of the laws in the step before; None permits all states.
             relative_error: difference of (q, u) ↦ relative error.
             levels: largest number of sequences.
+
+        Returns:
+            The attempt; its ``end`` is None if a law switches within the step.
 
         Raises:
             UnsolvedStepError: if the solver does not solve the inclusion of a step.
@@ -186,14 +189,14 @@ class _StepControl:
         self._states = self._states_before = setup.states
         self._scale = _Scale(system, self._max_step, setup.start)
         self._length = min(self._max_step, max(self._min_step, 1e-3 * self._max_step))
-        self._trying = self._length
+        self._trial_length = self._length
         self._levels = 2
         self._rejected = 0
-        self._spent = self._began = 0.0
+        self._seconds = self._trial_start = 0.0
         self._saw_switch = False
 
     def steps(self) -> Iterator[AcceptedStep]:
-        """Yield accepted steps with their costs since the start, except those that a search withdraws."""
+        """Yield accepted steps with the costs since the start, except steps that a search withdraws."""
         pending: AcceptedStep | None = None  # accepted, but a search may still withdraw it
         while self._until - self._state.time > 1e-3 * self._min_step:
             try:
@@ -219,7 +222,7 @@ class _StepControl:
 
     def _try_timed(self) -> AcceptedStep | None:
         """Try one step and time it; errors name the time at which the step begins."""
-        self._began = perf_counter()
+        self._trial_start = perf_counter()
         try:
             return self._try_step()
         except StepError:
@@ -227,18 +230,18 @@ class _StepControl:
         except (Exception, SystemExit) as failure:
             reason, time = error_text(failure), self._state.time
             raise StepError(
-                f"a step of {self._trying:.3g} s from t = {time:.9g} s failed: {reason}.", self._state
+                f"a step of {self._trial_length:.3g} s from t = {time:.9g} s failed: {reason}.", self._state
             ) from failure
         finally:
-            self._spent += perf_counter() - self._began
+            self._seconds += perf_counter() - self._trial_start
 
     def _try_step(self) -> AcceptedStep | None:
         """Try one step; return it if it is accepted."""
         stepper, state = self._stepper, self._state
         self._saw_switch = False
-        left = self._until - state.time
-        length = min(self._search.limited_length(state.time, min(self._length, self._max_step)), left)
-        self._trying = length
+        remaining = self._until - state.time
+        length = min(self._search.limited_length(state.time, min(self._length, self._max_step)), remaining)
+        self._trial_length = length
         is_minimal = length <= self._min_step * (1.0 + LENGTH_TOLERANCE)
         try:
             attempt = stepper.attempt(
@@ -324,7 +327,7 @@ class _StepControl:
         self._states_before = self._states
         self._state, self._states = end, states
         self._scale.update(end)
-        seconds = self._spent + perf_counter() - self._began
+        seconds = self._seconds + perf_counter() - self._trial_start
         return AcceptedStep(
             begin, end, substeps, error, states, switches, self._counter.solves, self._rejected, seconds
         )
@@ -343,19 +346,19 @@ class _StepControl:
         self._length = max(self._min_step, self._search.length_after_step(self._state.time, length, next_length))
 
     def _promising_length(self, length: float, error: float, levels: int) -> float:
-        """Return the next length of ``levels`` sequences after a step of ``length`` with their ``error``."""
+        """Return the next length for ``levels`` sequences, whose error in a step of ``length`` is ``error``."""
         order = self._stepper.error_order(levels, self._counter.system)
         factor: float = SAFETY * (self._stepper.tolerance / max(error, 1e-300)) ** (1.0 / order)
         return length * min(MAX_GROWTH, max(MIN_SHRINKING, factor))
 
 
-def _with_own_costs(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
-    """Yield steps with their own costs, from steps with the costs since the start."""
+def _with_step_costs(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
+    """Convert the costs since the start, which ``steps`` contain, to the costs of each step."""
     solves, rejected, seconds = 0, 0, 0.0
     for step in steps:
-        own = (step.solves - solves, step.rejected - rejected, step.seconds - seconds)
+        costs = (step.solves - solves, step.rejected - rejected, step.seconds - seconds)
         solves, rejected, seconds = step.solves, step.rejected, step.seconds
-        yield replace(step, solves=own[0], rejected=own[1], seconds=own[2])
+        yield replace(step, solves=costs[0], rejected=costs[1], seconds=costs[2])
 
 
 class _Scale:
@@ -364,7 +367,7 @@ class _Scale:
     def __init__(self, system: System, max_step: float, start: State) -> None:
         assembly = system.assemble(start.position, start.velocity, max_step)
         self._mobility = np.sqrt(assembly.inverse_mass.matrix.diagonal())
-        self._system, self._max_step, self._first = system, max_step, start.position
+        self._system, self._max_step, self._start_position = system, max_step, start.position
         self._momentum = 0.0
         self._range = np.zeros(len(start.position))
         self._update_velocity(start.velocity)
@@ -373,12 +376,12 @@ class _Scale:
     def update(self, state: State) -> None:
         """Update the scales with a state of the motion."""
         self._update_velocity(state.velocity)
-        self._range = np.maximum(self._range, np.abs(state.position - self._first))
+        self._range = np.maximum(self._range, np.abs(state.position - self._start_position))
 
     def relative_error(self, difference: FloatArray) -> float:
         """Return the relative error of a difference of (q, u); 0/0 is 0."""
         speed = self._momentum * self._mobility
-        travel = np.abs(self._system.move(self._first, speed, self._max_step) - self._first)
+        travel = np.abs(self._system.move(self._start_position, speed, self._max_step) - self._start_position)
         scale = np.concatenate([np.maximum(self._range, travel), speed])
         size = np.abs(difference)
         relative = np.divide(size, scale, out=np.where(size > 0.0, np.inf, 0.0), where=scale > 0.0)

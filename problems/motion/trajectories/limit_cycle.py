@@ -18,8 +18,8 @@ class SwitchEvent:
         time: middle of the interval [s].
         law: "unilateral" or "friction".
         contact: key of the contact.
-        before: state of the law before.
-        after: state of the law after.
+        before: state of the law before the switch.
+        after: state of the law after the switch.
     """
 
     time: float
@@ -29,7 +29,7 @@ class SwitchEvent:
     after: str
 
     def is_same_switch(self, other: "SwitchEvent") -> bool:
-        """Whether both are the same switch, apart from their times."""
+        """Return whether both events are the same switch, apart from their times."""
         return replace(self, time=0.0) == replace(other, time=0.0)
 
 
@@ -45,7 +45,7 @@ class KnownCycle:
         section_error: function that returns the largest relative error of a state one period after the section.
         source: publication of ``switch_events``, for users.
         transient: number of periods after which a motion counts as being on the limit cycle.
-        matches_scene_options: whether it was computed with the options of the scene; if not, only the order of
+        matches_scene_options: whether the cycle was computed with the options of the scene; if not, only the order of
             ``switch_events`` is comparable.
     """
 
@@ -61,12 +61,12 @@ class KnownCycle:
 
 @dataclass(frozen=True)
 class Cycle:
-    """One period of a motion, from the first event of the limit cycle to the last one before it recurs.
+    """One period of a motion, from the first event of the limit cycle to the last event before the first one recurs.
 
     Attributes:
         known: the limit cycle.
-        switch_events: its switching points, in order of time.
-        section: time at which it crosses the section [s].
+        switch_events: the switching points of this period, in order of time.
+        section: time at which the motion crosses the Poincaré section [s].
         height: first coordinate at that time [m].
     """
 
@@ -133,18 +133,18 @@ def find_cycles(
     """Return the periods of a motion, found by its switching points.
 
     Args:
-        known: the limit cycle of its scene.
-        found: its switching points in order of time.
-        times: times of some of its states [s], including those at switching points, shape (n,).
+        known: the limit cycle of the scene.
+        found: switching points of the motion in order of time.
+        times: times of states of the motion [s], including those at switching points, shape (n,).
         heights: first coordinate at these times [m], shape (n,).
     """
     begins = [index for index, event in enumerate(found) if event.is_same_switch(known.switch_events[0])]
     section = known.switch_events[known.section]
     sections = [event.time for event in found if event.is_same_switch(section)]
-    at = {time: float(heights[np.searchsorted(times, time)]) for time in sections}
+    height_at = {time: float(heights[np.searchsorted(times, time)]) for time in sections}
     complete = []
     for first, last in pairwise(begins):
-        inside = [event.time for event in found[first:last] if event.is_same_switch(section)]
-        if inside:
-            complete.append(Cycle(known, tuple(found[first:last]), inside[0], at[inside[0]]))
-    return CycleSequence(known, complete, np.array(sections), np.array([at[time] for time in sections]))
+        section_times = [event.time for event in found[first:last] if event.is_same_switch(section)]
+        if section_times:
+            complete.append(Cycle(known, tuple(found[first:last]), section_times[0], height_at[section_times[0]]))
+    return CycleSequence(known, complete, np.array(sections), np.array([height_at[time] for time in sections]))

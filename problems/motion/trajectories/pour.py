@@ -35,7 +35,7 @@ class MotionRecorder:
     _columns: dict[str, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._rates = [one for one in self.scene.observables if one.rate]
+        self._rates = [observable for observable in self.scene.observables if observable.rate]
         self.record(self.scene.start)
 
     def record(self, state: State) -> None:
@@ -48,7 +48,7 @@ class MotionRecorder:
         values = {"time": state.time, HEIGHT: float(np.maximum(heights, 0.0).mean())}
         if scene.potential_energy is not None:
             values[ENERGY] = scene.kinetic_energy(state.velocity) + scene.potential_energy(state.position)
-        values |= {one.name: float(one.compute(state)) for one in self._rates}
+        values |= {observable.name: float(observable.compute(state)) for observable in self._rates}
         for name, value in values.items():
             self._columns.setdefault(name, []).append(value)
 
@@ -62,14 +62,14 @@ class MotionRecorder:
         columns = {name: np.array(values) for name, values in self._columns.items()}
         time = columns["time"]
         grid = time[0] + duration * np.linspace(0.5, 1.0, GRID)
-        found = {}
-        for one in self._rates:
-            begin, end = np.interp(grid[[0, -1]], time, columns[one.name])
-            found[one.rate] = float(end - begin) / (0.5 * duration)
-        found[HEIGHT] = _mean(grid, time, columns[HEIGHT])
+        results = {}
+        for observable in self._rates:
+            begin, end = np.interp(grid[[0, -1]], time, columns[observable.name])
+            results[observable.rate] = float(end - begin) / (0.5 * duration)
+        results[HEIGHT] = _mean(grid, time, columns[HEIGHT])
         if ENERGY in columns:
-            found[ENERGY] = float(columns[ENERGY][0]) - _mean(grid, time, columns[ENERGY])
-        return found
+            results[ENERGY] = float(columns[ENERGY][0]) - _mean(grid, time, columns[ENERGY])
+        return results
 
 
 def _mean(grid: FloatArray, time: FloatArray, values: FloatArray) -> float:

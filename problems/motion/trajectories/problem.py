@@ -63,7 +63,7 @@ class Measure(ABC):
         """Return the error in each quantity, from the values of members; empty if there are too few."""
 
 
-class _OfOneTrajectory(Measure):
+class _TrajectoryMeasure(Measure):
     """Base class of measures in which each member has an error."""
 
     @abstractmethod
@@ -71,13 +71,13 @@ class _OfOneTrajectory(Measure):
         """Return the error of one simulation."""
 
     def estimates(self, members: Mapping[float, Values]) -> dict[str, Estimate]:
-        """Return the median error with the smallest and the largest one."""
+        """Return the median, smallest and largest error."""
         errors = [self.error(values) for values in members.values()]
         return {ERROR: Estimate(median(errors), min(errors), max(errors))} if errors else {}
 
 
 @dataclass(frozen=True)
-class LimitCycle(_OfOneTrajectory):
+class LimitCycle(_TrajectoryMeasure):
     """The error of the state one period after the section of the known limit cycle of a scene.
 
     Attributes:
@@ -90,7 +90,7 @@ class LimitCycle(_OfOneTrajectory):
 
     @property
     def names(self) -> Collection[str]:
-        """Names of q and u: q0, q1, … and u0, u1, … by number."""
+        """Names q0, q1, … and u0, u1, … of the coordinates of q and u."""
         return [f"{name}{index}" for name in "qu" for index in range(self.n_coordinates)]
 
     @property
@@ -99,7 +99,7 @@ class LimitCycle(_OfOneTrajectory):
         return {}
 
     def values(self, recorder: MotionRecorder, duration: float) -> Values:
-        """Return the last position and velocity, as q0, q1, …, u0, u1, … by name."""
+        """Return the last position and velocity, with the names q0, q1, … and u0, u1, … as keys."""
         velocity = {f"u{index}": float(value) for index, value in enumerate(recorder.last.velocity)}
         return {**_coordinates(recorder), **velocity}
 
@@ -110,7 +110,7 @@ class LimitCycle(_OfOneTrajectory):
 
 
 @dataclass(frozen=True)
-class EndPosition(_OfOneTrajectory):
+class EndPosition(_TrajectoryMeasure):
     """The last position compared with a known one, in closed form or from a finer simulation.
 
     Velocities are not compared: an impact that is one step late would count as an error of 100 %.
@@ -129,7 +129,7 @@ class EndPosition(_OfOneTrajectory):
         return self.known.keys()
 
     def values(self, recorder: MotionRecorder, duration: float) -> Values:
-        """Return the last position, as q0, q1, … by name."""
+        """Return the last position, with the names q0, q1, … as keys."""
         return _coordinates(recorder)
 
     def error(self, values: Values) -> float:
@@ -161,17 +161,17 @@ class Aggregates(Measure):
 
         The same seeds are compared, so that common deviations cancel; at least two are needed.
         """
-        both = [seed for seed in members if seed in self.reference]
-        if len(both) < 2:
+        seeds = [seed for seed in members if seed in self.reference]
+        if len(seeds) < 2:
             return {}
-        found = {}
-        for name in self.reference[both[0]]:
-            scale = abs(fmean(self.reference[seed][name] for seed in both))
+        estimates = {}
+        for name in self.reference[seeds[0]]:
+            scale = abs(fmean(self.reference[seed][name] for seed in seeds))
             if scale:
-                differences = [members[seed][name] - self.reference[seed][name] for seed in both]
+                differences = [members[seed][name] - self.reference[seed][name] for seed in seeds]
                 error, spread = abs(fmean(differences)) / scale, standard_error(differences) / scale
-                found[name] = Estimate(error, max(0.0, error - spread), error + spread)
-        return found
+                estimates[name] = Estimate(error, max(0.0, error - spread), error + spread)
+        return estimates
 
     def spreads(self) -> dict[str, tuple[float, float]]:
         """Return for each aggregate its mean over the seeds of the reference, and its relative standard error.
@@ -180,12 +180,12 @@ class Aggregates(Measure):
         """
         if len(self.reference) < 2:
             return {}
-        found = {}
+        spreads = {}
         for name in next(iter(self.reference.values())):
-            values = [one[name] for one in self.reference.values()]
+            values = [results[name] for results in self.reference.values()]
             mean = fmean(values)
-            found[name] = (mean, standard_error(values) / abs(mean) if mean else math.nan)
-        return found
+            spreads[name] = (mean, standard_error(values) / abs(mean) if mean else math.nan)
+        return spreads
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ class TrajectoryProblem:
         name: the scene, ``Name(option=value)``.
         duration: simulated time [s].
         members: seeds of the scene if ``measure`` is ``Aggregates``, else factors of steps or tolerances.
-        measure: the measure of its error.
+        measure: the measure of the error.
     """
 
     name: str

@@ -62,10 +62,10 @@ class Joint:
     Attributes:
         kind: "ball", "revolute", "prismatic", "fixed", "distance" or "rope".
         first: index of a body.
-        second: index of the other one, or ``WORLD``.
+        second: index of the other body, or ``WORLD``.
         first_point: the point of the first body [m], in its body axes.
         second_point: the point of the second body [m], in its body axes.
-        axis: direction of a revolute or prismatic joint, of any length, in the body axes of the second one.
+        axis: direction of a revolute or prismatic joint, of any length, in the body axes of the second body.
         rotation: a unit quaternion that maps vectors from the first body's axes to the second's when a prismatic or
             fixed joint is closed, and when the angle of a revolute joint is 0.
         length: length of a distance joint or of a rope [m].
@@ -174,7 +174,7 @@ class RigidJoints:
             0 the order is 1, and energy is lost.
 
     Raises:
-        ProblemError: if a joint names a body that does not exist, or joins a body to itself, or restitution is outside
+        ProblemError: if a joint names a body that does not exist, joins a body to itself, or restitution is outside
             [0, 1].
     """
 
@@ -189,7 +189,7 @@ class RigidJoints:
             for name, body, lowest in (("first", joint.first, 0), ("second", joint.second, WORLD)):
                 if not lowest <= body < self.n_bodies:
                     raise ProblemError(
-                        f"joint {number} names body {body} as its {name} one, but bodies are 0 to {self.n_bodies - 1}."
+                        f"joint {number} names body {body} as its {name} body, but bodies are 0 to {self.n_bodies - 1}."
                     )
             if joint.first == joint.second:
                 raise ProblemError(f"joint {number} joins body {joint.first} to itself; name another body.")
@@ -210,14 +210,14 @@ class RigidJoints:
         Raises:
             ProblemError: if the points of a distance joint coincide, so that it has no direction.
         """
-        values, rates = self._held.at(poses)
-        if ((self._held.kind == DISTANCE) & ~rates.any(axis=(1, 2))).any():
+        values, rates = self._constraints.at(poses)
+        if ((self._constraints.kind == DISTANCE) & ~rates.any(axis=(1, 2))).any():
             raise ProblemError("the points of a distance joint coincide; move them apart.")
-        return JointErrors(values, columns(self._held.bodies, rates, self.n_bodies))
+        return JointErrors(values, columns(self._constraints.bodies, rates, self.n_bodies))
 
     def limits_below(self, poses: FloatArray, margin: float) -> tuple[IntArray, FloatArray, sp.csc_array[Any]]:
         """Return keys, gaps [m or rad] and W of the limits and ropes with a gap below ``margin``."""
-        reached, gap, rates = self._reached(poses, margin)
+        reached, gap, rates = self._reached_limits(poses, margin)
         return self._gap_keys[reached], gap, columns(self._gaps.bodies[reached], rates, self.n_bodies)
 
     def rows_at(self, poses: FloatArray, seconds: float, margin: float = 0.0) -> JointRows:
@@ -229,7 +229,7 @@ class RigidJoints:
         table, active = self._active
         _, rates = table.at(poses)
         keys, counts, laws = active.keys, active.counts, self._laws(seconds)
-        reached, gap, limit_rates = self._reached(poses, margin)
+        reached, gap, limit_rates = self._reached_limits(poses, margin)
         n_reached = len(reached)
         if not n_reached:
             directions = columns(table.bodies, rates, self.n_bodies)
@@ -249,18 +249,18 @@ class RigidJoints:
         """Check that all joints close, and that none is beyond a limit.
 
         Raises:
-            ProblemError: if an error exceeds ``MAX_CLOSING_ERROR``; the message names the joint with the largest one.
+            ProblemError: if an error exceeds ``MAX_CLOSING_ERROR``; the message names the joint with the largest error.
         """
-        values = np.abs(self._held.at(poses)[0])
+        values = np.abs(self._constraints.at(poses)[0])
         ends = np.cumsum([joint.n_rows for joint in self.joints], dtype=np.int64)
-        errors = [own.max(initial=0.0) for own in np.split(values, ends)[:-1]]
+        errors = [residual.max(initial=0.0) for residual in np.split(values, ends)[:-1]]
         if max(errors, default=0.0) > MAX_CLOSING_ERROR:
             worst = int(np.argmax(errors))
             raise ProblemError(
                 f"joint {worst} does not close at the start: its error is {errors[worst]:.3g} m or rad; correct its "
                 "points and axes, or the poses of its bodies."
             )
-        reached, gap, _ = self._reached(poses, -MAX_CLOSING_ERROR)
+        reached, gap, _ = self._reached_limits(poses, -MAX_CLOSING_ERROR)
         if len(gap):
             worst = (int(self._gap_keys[reached[gap.argmin()]]) - len(self.joints)) // 2
             raise ProblemError(
@@ -268,7 +268,7 @@ class RigidJoints:
                 "correct the poses of its bodies."
             )
 
-    def _reached(self, poses: FloatArray, margin: float) -> tuple[IntArray, FloatArray, FloatArray]:
+    def _reached_limits(self, poses: FloatArray, margin: float) -> tuple[IntArray, FloatArray, FloatArray]:
         """Return indices, gaps and derivatives of limits with a gap below ``margin``, without ropes with |d| = 0."""
         if not len(self._gaps.kind):
             return self._gap_keys, np.zeros(0), np.zeros((0, 2, 6))
@@ -287,16 +287,17 @@ class RigidJoints:
 
     @cached_property
     def _last_laws(self) -> dict[float, Laws]:
+        """The laws of the last step, by its length [s]."""
         return {}
 
     @cached_property
-    def _held(self) -> JointTable:
+    def _constraints(self) -> JointTable:
         """The scalars that all joints hold at zero."""
-        return JointTable.of([row for joint in self.joints for row in _held_rows(joint)])
+        return JointTable.of([row for joint in self.joints for row in _constraint_rows(joint)])
 
     @cached_property
     def _gaps(self) -> JointTable:
-        """The gaps to all limits, and of ropes."""
+        """The gaps of all limits and ropes."""
         return JointTable.of([row for joint in self.joints for row in _gap_rows(joint)])
 
     @cached_property
@@ -317,17 +318,17 @@ class RigidJoints:
     @cached_property
     def _active(self) -> "tuple[JointTable, _ActiveRows]":
         """The rows that are active at all times, and their laws."""
-        rows = [(joint, self._active_rows(joint)) for joint in self.joints]
-        keys = np.array([key for key, (_, own) in enumerate(rows) if own], dtype=np.int64)
-        counts = np.array([len(own) for _, own in rows if own], dtype=np.int64)
-        flat = [row for _, own in rows for row in own]
-        numbers = np.array([row[2:] for row in flat], dtype=np.float64).reshape(-1, 3).T.copy()
-        kinds = np.array([row.kind for row in flat], dtype=np.int64)
-        return JointTable.of([row.row for row in flat]), _ActiveRows(keys, counts, kinds, *numbers)
+        rows = [self._active_rows(joint) for joint in self.joints]
+        keys = np.array([key for key, joint_rows in enumerate(rows) if joint_rows], dtype=np.int64)
+        counts = np.array([len(joint_rows) for joint_rows in rows if joint_rows], dtype=np.int64)
+        law_rows = [row for joint_rows in rows for row in joint_rows]
+        numbers = np.array([row[2:] for row in law_rows], dtype=np.float64).reshape(-1, 3).T.copy()
+        kinds = np.array([row.kind for row in law_rows], dtype=np.int64)
+        return JointTable.of([row.row for row in law_rows]), _ActiveRows(keys, counts, kinds, *numbers)
 
     def _active_rows(self, joint: Joint) -> "list[_LawRow]":
         """Return the rows of a joint that are active at all times."""
-        rows = [_LawRow(row, LawKind.BILATERAL, restitution=self.restitution) for row in _held_rows(joint)]
+        rows = [_LawRow(row, LawKind.BILATERAL, restitution=self.restitution) for row in _constraint_rows(joint)]
         if joint.friction:
             rows.append(_LawRow(_coordinate_row(joint), LawKind.PLANAR_FRICTION, joint.friction))
         if joint.motor_bound:
@@ -358,23 +359,24 @@ class _ActiveRows(NamedTuple):
 
 
 def _row(joint: Joint, kind: int, first_axis: Vector | FloatArray, second_axis: Vector | FloatArray) -> JointRow:
+    """Return the row of a scalar between the points of a joint; axes are in the body axes of either body."""
     points = np.array([joint.first_point, joint.second_point])
     return JointRow(kind, (joint.first, joint.second), points, np.array(first_axis), np.array(second_axis))
 
 
-def _held_rows(joint: Joint) -> list[JointRow]:
+def _constraint_rows(joint: Joint) -> list[JointRow]:
     """Return the scalars that a joint holds at zero."""
     if joint.kind == "rope":
         return []
     if joint.kind == "distance":
         return [_row(joint, DISTANCE, NO_AXIS, NO_AXIS).plus(-joint.length)]
-    held = joint.axes[1:] if joint.kind == "prismatic" else np.eye(3)
-    rows = [_row(joint, ALONG_AXIS, NO_AXIS, axis) for axis in held]
-    in_first = joint.closing_rotation.T
+    axes = joint.axes[1:] if joint.kind == "prismatic" else np.eye(3)
+    rows = [_row(joint, ALONG_AXIS, NO_AXIS, axis) for axis in axes]
+    second_to_first = joint.closing_rotation.T
     if joint.kind == "revolute":
-        rows += [_row(joint, ORIENTATION, in_first @ joint.axes[0], axis) for axis in joint.axes[1:]]
+        rows += [_row(joint, ORIENTATION, second_to_first @ joint.axes[0], axis) for axis in joint.axes[1:]]
     elif joint.kind in ("prismatic", "fixed"):
-        rows += [_row(joint, ORIENTATION, in_first[:, i], np.eye(3)[(i + 1) % 3]) for i in range(3)]
+        rows += [_row(joint, ORIENTATION, second_to_first[:, i], np.eye(3)[(i + 1) % 3]) for i in range(3)]
     return rows
 
 
@@ -387,7 +389,7 @@ def _coordinate_row(joint: Joint) -> JointRow:
 
 
 def _gap_rows(joint: Joint) -> list[JointRow]:
-    """Return the gaps to the limits of a joint, or of a rope."""
+    """Return the gaps of the limits of a joint, or of a rope."""
     if joint.kind == "rope":
         return [_row(joint, DISTANCE, NO_AXIS, NO_AXIS).minus(joint.length)]
     if joint.limits is None:

@@ -30,14 +30,18 @@ class MaterialPairs:
     n_fixed: int = 0
 
     def __post_init__(self) -> None:
-        for (one, other), value in self.coefficients.items():
+        for (first, second), value in self.coefficients.items():
             if not 0.0 <= value < np.inf:
-                raise ProblemError(f"the coefficient of {one} on {other} must be finite and not negative, got {value}.")
+                raise ProblemError(
+                    f"the coefficient of {first} on {second} must be finite and not negative, got {value}."
+                )
         n_moving = len(self.materials) - self.n_fixed
-        for body, one in enumerate(self.materials[:n_moving]):
-            for other in self.materials[body + 1 :]:
-                if not {(one, other), (other, one)} & self.coefficients.keys():
-                    raise ProblemError(f"the coefficient of {one} on {other} is missing; add ({one!r}, {other!r}).")
+        for body, first in enumerate(self.materials[:n_moving]):
+            for second in self.materials[body + 1 :]:
+                if not {(first, second), (second, first)} & self.coefficients.keys():
+                    raise ProblemError(
+                        f"the coefficient of {first} on {second} is missing; add ({first!r}, {second!r})."
+                    )
 
     def check_count(self, name: str, n_bodies: int) -> None:
         """Check the number of materials of the coefficient ``name`` of a system.
@@ -63,13 +67,13 @@ class MaterialPairs:
     def _table(self) -> FloatArray:
         names = self._names
         table = np.zeros((len(names), len(names)))
-        for (one, other), value in self.coefficients.items():
-            if one in names and other in names:
-                table[names.index(one), names.index(other)] = table[names.index(other), names.index(one)] = value
+        for (first, second), value in self.coefficients.items():
+            if first in names and second in names:
+                table[names.index(first), names.index(second)] = table[names.index(second), names.index(first)] = value
         return table
 
     def __call__(self, pairs: IntArray) -> FloatArray:
-        """Return the coefficient of each contact, shape (n_contacts,), from the key of its pair of bodies."""
+        """Return the coefficient of each contact from the keys of the pairs of bodies, both of shape (n_contacts,)."""
         first, second = np.divmod(pairs, len(self.materials))
         coefficients: FloatArray = self._table[self._material_of_body[first], self._material_of_body[second]]
         return coefficients

@@ -25,7 +25,11 @@ MAX_NEWTON_STEPS = 20
 
 
 def check_orientation(what: str, quaternion: Sequence[float]) -> None:
-    """Raise ``ProblemError``, which names ``what``, unless the quaternion has unit length to ``UNIT_TOLERANCE``."""
+    """Check that a quaternion has unit length to ``UNIT_TOLERANCE``.
+
+    Raises:
+        ProblemError: if the quaternion does not have four numbers or unit length; the message starts with ``what``.
+    """
     if len(quaternion) != 4 or not abs(np.linalg.norm(quaternion) - 1.0) <= UNIT_TOLERANCE:
         raise ProblemError(
             f"{what} must be a unit quaternion (w, x, y, z), got {tuple(quaternion)}; divide it by its length."
@@ -33,7 +37,7 @@ def check_orientation(what: str, quaternion: Sequence[float]) -> None:
 
 
 def product(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the products first ⊗ second, both of shape (n, 4): the rotation ``second``, then ``first``."""
+    """Return first ⊗ second, shape (n, 4), from two arrays of this shape: the rotation ``second``, then ``first``."""
     w, x, y, z = first.T
     a, b, c, d = second.T
     return np.column_stack(
@@ -47,20 +51,20 @@ def product(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def exponential(vectors: FloatArray) -> FloatArray:
-    """Return the rotations about ``vectors`` by their length [rad], shapes (n, 3) and (n, 4)."""
+    """Return the quaternions, shape (n, 4), of rotations about ``vectors``, shape (n, 3), by their lengths [rad]."""
     rotations: FloatArray = _exponential(np.ascontiguousarray(vectors, dtype=np.float64))
     return rotations
 
 
 def about(axis: tuple[float, float, float], angle: float) -> FloatArray:
-    """Return the rotation about ``axis``, of any length, by ``angle`` [rad], shape (4,)."""
+    """Return the quaternion, shape (4,), of the rotation by ``angle`` [rad] about ``axis``, of any length."""
     unit = np.array(axis) / np.linalg.norm(axis)
     rotation: FloatArray = exponential(angle * unit[None, :])[0]
     return rotation
 
 
 def rotation_matrices(quaternions: FloatArray) -> FloatArray:
-    """Return the rotations from body to world axes, shapes (n, 4) and (n, 3, 3).
+    """Return the matrices, shape (n, 3, 3), of the rotations ``quaternions``, shape (n, 4), from body to world axes.
 
     Quaternions need not have length 1: extrapolated ones deviate from it by the error of a step.
     """
@@ -149,11 +153,11 @@ def _rotation_matrices(quaternions):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _moved(position, velocity, seconds):  # type: ignore[no-untyped-def]
     """Return x + s v and q ⊗ exp(s ω/2) of each body, with unit quaternions."""
-    after = np.empty_like(position)
+    end_position = np.empty_like(position)
     for i in range(len(position) // 7):
         p, u = 7 * i, 6 * i
         for axis in range(3):
-            after[p + axis] = position[p + axis] + seconds * velocity[u + axis]
+            end_position[p + axis] = position[p + axis] + seconds * velocity[u + axis]
         a, b, c, d = _rotation_quaternion(velocity[u + 3], velocity[u + 4], velocity[u + 5], seconds)
         w, x, y, z = position[p + 3], position[p + 4], position[p + 5], position[p + 6]
         turned_w = w * a - x * b - y * c - z * d
@@ -161,28 +165,28 @@ def _moved(position, velocity, seconds):  # type: ignore[no-untyped-def]
         turned_y = w * c - x * d + y * a + z * b
         turned_z = w * d + x * c - y * b + z * a
         length = np.sqrt(turned_w**2 + turned_x**2 + turned_y**2 + turned_z**2)
-        after[p + 3], after[p + 4] = turned_w / length, turned_x / length
-        after[p + 5], after[p + 6] = turned_y / length, turned_z / length
-    return after
+        end_position[p + 3], end_position[p + 4] = turned_w / length, turned_x / length
+        end_position[p + 5], end_position[p + 6] = turned_y / length, turned_z / length
+    return end_position
 
 
 @njit(cache=True)
 def _free_spins(spins, inertias, seconds, impulses):  # type: ignore[no-untyped-def]
     """Return ω_F of ``free_spins``: Newton's method for ω_E with the residual r, the Jacobian a and its cofactors c."""
-    after = spins.copy()
+    end_spins = spins.copy()
     for i in range(len(spins)):
-        j, begin, end, p = inertias[i], spins[i], after[i], impulses[i]
+        j, begin, end, p = inertias[i], spins[i], end_spins[i], impulses[i]
         scale = max(np.abs(j * begin).max(), np.abs(p).max())
-        last = np.inf
+        last_size = np.inf
         for _ in range(MAX_NEWTON_STEPS):
             m0, m1, m2 = 0.5 * (begin[0] + end[0]), 0.5 * (begin[1] + end[1]), 0.5 * (begin[2] + end[2])
             r0 = j[0] * (end[0] - begin[0]) + seconds * (j[2] - j[1]) * m1 * m2 - p[0]
             r1 = j[1] * (end[1] - begin[1]) + seconds * (j[0] - j[2]) * m2 * m0 - p[1]
             r2 = j[2] * (end[2] - begin[2]) + seconds * (j[1] - j[0]) * m0 * m1 - p[2]
             size = max(abs(r0), abs(r1), abs(r2))
-            if size == 0.0 or (size >= last and size <= 1e-12 * scale):  # the remainder is rounding
+            if size == 0.0 or (size >= last_size and size <= 1e-12 * scale):  # the remainder is rounding
                 break
-            last = size
+            last_size = size
             half = 0.5 * seconds
             a01, a02 = half * (j[2] - j[1]) * m2, half * (j[2] - j[1]) * m1
             a10, a12 = half * (j[0] - j[2]) * m2, half * (j[0] - j[2]) * m0
@@ -195,4 +199,4 @@ def _free_spins(spins, inertias, seconds, impulses):  # type: ignore[no-untyped-
             end[1] -= (c10 * r0 + c11 * r1 + c12 * r2) / determinant
             end[2] -= (c20 * r0 + c21 * r1 + c22 * r2) / determinant
         end -= p / j
-    return after
+    return end_spins

@@ -24,7 +24,8 @@ DIRECTION_TOLERANCE = 1e-9**0.5
 """Largest angle [rad], or distance divided by the size, up to which faces and directions count as equal."""
 
 FLATNESS = 1e-4
-"""Tolerated distance of corners from their face divided by the size; triangles are merged to 3e-5."""
+"""Tolerated distance of corners from their face, divided by the size; more than ``DIRECTION_TOLERANCE``, up to which
+triangles are merged into one face."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ class Polyhedron:
 
     Attributes:
         vertices: corners in body axes [m], shape (n, 3).
-        faces: corners of each face, counter-clockwise seen from outside.
+        faces: indices of the corners of each face, counter-clockwise seen from outside.
         volume: volume [m³].
         inertia: principal moments of inertia for a density of 1 [m⁵], shape (3,).
 
@@ -102,9 +103,9 @@ def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
         The polyhedron, and (centre of mass [m], quaternion), shape (7,).
 
     Raises:
-        ProblemError: if points are missing, not finite or not corners of their hull, if a face is nearer to the centre
-            of mass than ``FLATNESS`` times the size, or a polyhedron has more than ``MAX_FACES`` faces or
-            ``MAX_CORNERS`` corners of a face.
+        ProblemError: if there are fewer than four points, they lie in one plane, a point is not finite or not a corner
+            of the hull, a face is nearer to the centre of mass than ``FLATNESS`` times the size, or there are more
+            than ``MAX_FACES`` faces or ``MAX_CORNERS`` corners of a face.
     """
     from scipy.spatial import ConvexHull, QhullError  # import takes 0.2 s
     from scipy.spatial.transform import Rotation
@@ -119,15 +120,15 @@ def convex_polyhedron(points: ArrayLike) -> tuple[Polyhedron, FloatArray]:
         raise ProblemError(
             f"point {inside[0]} of a polyhedron is not a corner of the convex hull; omit it, or divide the body."
         )
-    faces = _faces(corners, hull)
+    faces = _merged_faces(corners, hull)
     if len(faces) > MAX_FACES or max(map(len, faces)) > MAX_CORNERS:
         raise ProblemError(f"a polyhedron has at most {MAX_FACES} faces of at most {MAX_CORNERS} corners each.")
     volume, centre, inertia = _mass_properties(corners, faces)
     height, size = -float((hull.equations @ [*centre, 1.0]).max()), float(np.ptp(corners, axis=0).max())
     if not height > FLATNESS * size:
         raise ProblemError(
-            f"a polyhedron is too thin: a face is {height:.3g} m from its centre of mass; that must be more than "
-            f"{FLATNESS * size:.3g} m; make it thicker, or use a Box."
+            f"a polyhedron is too thin: a face is {height:.3g} m from its centre of mass; this distance must exceed "
+            f"{FLATNESS * size:.3g} m; make the polyhedron thicker, or use a Box."
         )
     moments, axes = np.linalg.eigh(inertia)
     if np.linalg.det(axes) < 0.0:
@@ -140,38 +141,38 @@ def _finite_points(points: ArrayLike) -> FloatArray:
     """Return points as an array of shape (n, 3), n ≥ 4.
 
     Raises:
-        ProblemError: if the points do not form such an array, or one of them is not finite.
+        ProblemError: if the points do not form such an array, or a point is not finite.
     """
-    form = "a polyhedron needs at least 4 points (x, y, z)"
+    requirement = "a polyhedron needs at least 4 points (x, y, z)"
     try:
         corners = np.array(points, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ProblemError(f"{form}, got rows of unequal lengths or values that are not numbers.") from None
+        raise ProblemError(f"{requirement}, got rows of unequal lengths or values that are not numbers.") from None
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 4:
-        raise ProblemError(f"{form}, got an array of shape {corners.shape}.")
+        raise ProblemError(f"{requirement}, got an array of shape {corners.shape}.")
     if not np.isfinite(corners).all():
-        worst = int(np.flatnonzero(~np.isfinite(corners).all(axis=1))[0])
+        point = int(np.flatnonzero(~np.isfinite(corners).all(axis=1))[0])
         raise ProblemError(
-            f"point {worst} of a polyhedron is not finite: {tuple(corners[worst].tolist())}; correct it."
+            f"point {point} of a polyhedron is not finite: {tuple(corners[point].tolist())}; correct it."
         )
     return corners
 
 
-def _faces(corners: FloatArray, hull: "ConvexHull") -> tuple[tuple[int, ...], ...]:
+def _merged_faces(corners: FloatArray, hull: "ConvexHull") -> tuple[tuple[int, ...], ...]:
     """Return the faces of a hull, with coplanar triangles merged, each counter-clockwise seen from outside."""
     size = np.ptp(corners, axis=0).max()
     scaled = hull.equations / np.array([1.0, 1.0, 1.0, size])
     faces: list[tuple[int, ...]] = []
-    left = np.arange(len(scaled))
-    while len(left):
-        alike = np.abs(scaled[left] - scaled[left[0]]).max(axis=1) < DIRECTION_TOLERANCE
-        normal = hull.equations[left[0], :3]
-        faces.append(_around(corners, np.unique(hull.simplices[left[alike]]), normal))
-        left = left[~alike]
+    remaining = np.arange(len(scaled))
+    while len(remaining):
+        is_coplanar = np.abs(scaled[remaining] - scaled[remaining[0]]).max(axis=1) < DIRECTION_TOLERANCE
+        normal = hull.equations[remaining[0], :3]
+        faces.append(_ordered_corners(corners, np.unique(hull.simplices[remaining[is_coplanar]]), normal))
+        remaining = remaining[~is_coplanar]
     return tuple(faces)
 
 
-def _around(corners: FloatArray, face: IntArray, normal: FloatArray) -> tuple[int, ...]:
+def _ordered_corners(corners: FloatArray, face: IntArray, normal: FloatArray) -> tuple[int, ...]:
     """Return the corners of a face in the order of their angles about its normal."""
     arms = corners[face] - corners[face].mean(axis=0)
     first = arms[0] / np.linalg.norm(arms[0])
@@ -181,9 +182,9 @@ def _around(corners: FloatArray, face: IntArray, normal: FloatArray) -> tuple[in
 
 def _mass_properties(corners: FloatArray, faces: tuple[tuple[int, ...], ...]) -> tuple[float, FloatArray, FloatArray]:
     """Return volume, centre of mass and tensor of inertia about it, for a density of 1, as a sum over tetrahedra."""
-    middle = corners.mean(axis=0)
+    apex = corners.mean(axis=0)
     triangles = [(face[0], face[k], face[k + 1]) for face in faces for k in range(1, len(face) - 1)]
-    edges = corners[np.array(triangles)] - middle  # relative to the common apex of all tetrahedra
+    edges = corners[np.array(triangles)] - apex  # of tetrahedra from the common apex
     volumes = np.linalg.det(edges) / 6.0
     volume = float(volumes.sum())
     centre = np.einsum("t,tij->j", volumes, edges) / (4.0 * volume)
@@ -192,4 +193,4 @@ def _mass_properties(corners: FloatArray, faces: tuple[tuple[int, ...], ...]) ->
     second = (np.einsum("t,tij,tik->jk", volumes, edges, edges) + np.einsum("t,tj,tk->jk", volumes, sums, sums)) / 20.0
     second -= volume * np.outer(centre, centre)
     inertia: FloatArray = np.trace(second) * np.eye(3) - second
-    return volume, middle + centre, inertia
+    return volume, apex + centre, inertia

@@ -1,4 +1,4 @@
-"""Systems of rigid bodies of any shape, among fixed ones.
+"""Systems of moving and fixed rigid bodies of any shape.
 
     q = (x, quaternion)   7 numbers per body: the centre of mass, and the rotation of its principal axes
     u = (v, ω)            6 numbers per body: v in world axes, ω in body axes, so that M is constant and diagonal
@@ -179,9 +179,9 @@ class RigidBodies:
                     "fixed bodies."
                 )
         fixed: Sequence[object] = self.fixed
-        for number, one in enumerate(fixed):
-            if not isinstance(one, FixedBody):
-                kind = type(one).__name__
+        for number, fixed_body in enumerate(fixed):
+            if not isinstance(fixed_body, FixedBody):
+                kind = type(fixed_body).__name__
                 raise ProblemError(f"fixed[{number}] must be a FixedBody, got {kind}; write FixedBody({kind}(…)).")
         object.__setattr__(self, "masses", masses)
 
@@ -257,8 +257,8 @@ class RigidBodies:
         return ContactKeys(len(self._all_shapes), MAX_FEATURES)
 
     @cached_property
-    def _joined(self) -> IntArray:
-        """Numbers, as in ``near_bodies``, of the pairs that a joint connects; they have no contacts."""
+    def _joined_pairs(self) -> IntArray:
+        """Numbers i · n + j, as in ``near_bodies``, of the joined pairs, which have no contacts."""
         pairs = np.zeros((0, 2), dtype=np.int64) if self.joints is None else self.joints.pairs
         numbers: IntArray = np.unique(pairs @ [len(self._all_shapes), 1])
         return numbers
@@ -276,7 +276,7 @@ class RigidBodies:
         return velocity.reshape(self.n_bodies, 6)
 
     def translation(self, direction: FloatArray) -> FloatArray:
-        """Return u for all bodies moving with one velocity, shape (3,), and no spin."""
+        """Return u of bodies that all move with the velocity ``direction`` [m/s], shape (3,), without spin."""
         return np.tile(np.append(direction, np.zeros(3)), self.n_bodies)
 
     def with_margin(self, margin: float) -> "RigidBodies":
@@ -289,28 +289,28 @@ class RigidBodies:
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
         """Linearise at q_M: gaps and W of the contacts with a gap below the margin there, and of the joints."""
-        poses, free = self.poses(midpoint), self.twists(velocity).copy()
+        poses, free_twists = self.poses(midpoint), self.twists(velocity).copy()
         for acceleration in self.accelerations:
-            free[:, :3] += seconds * acceleration(poses[:, :3], self.twists(velocity)[:, :3], self.masses)
+            free_twists[:, :3] += seconds * acceleration(poses[:, :3], self.twists(velocity)[:, :3], self.masses)
         contacts = self._active_contacts(poses)
         if self.joints is not None:
             contacts = self._with_joints(contacts, self.joints.rows_at(poses, seconds, self.margin))
         if not self.is_gyroscopic:
-            return StepAssembly(free.ravel(), self.inverse_mass, contacts)
+            return StepAssembly(free_twists.ravel(), self.inverse_mass, contacts)
 
         def with_impulses(impulses: FloatArray | None) -> FloatArray:
             moments = None if impulses is None else self.twists(impulses)[:, 3:]
             spins = free_spins(self.twists(velocity)[:, 3:], self.moments, seconds, moments)
-            return np.column_stack([free[:, :3], spins]).ravel()
+            return np.column_stack([free_twists[:, :3], spins]).ravel()
 
         return StepAssembly(with_impulses(None), self.inverse_mass, contacts, with_impulses)
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with a gap below ``limit``."""
         poses = self.poses(position)
-        found = self.contacts_within(poses, limit)
-        near = found.gap < limit
-        keys, gap = self.keys_of(found)[near], found.gap[near]
+        contacts = self.contacts_within(poses, limit)
+        near = contacts.gap < limit
+        keys, gap = self.keys_of(contacts)[near], contacts.gap[near]
         if self.joints is None:
             return keys, gap
         joint_keys, joint_gap, _ = self.joints.limits_below(poses, limit)
@@ -322,33 +322,33 @@ class RigidBodies:
         Return None if there are no joints, and no contact is deeper than ``tolerated`` [m].
         """
         poses = self.poses(position)
-        found = self.contacts_within(poses, 0.0)
+        contacts = self.contacts_within(poses, 0.0)
         if self.joints is None:
-            if not (found.gap < -tolerated).any():
+            if not (contacts.gap < -tolerated).any():
                 return None
-            return Overlaps(found.gap, force_directions(found, poses, 1, 0), self.inverse_mass)
+            return Overlaps(contacts.gap, force_directions(contacts, poses, 1, 0), self.inverse_mass)
         _, limit_gap, limit_normals = self.joints.limits_below(poses, 0.0)
         normals = limit_normals
-        if len(found.gap):
-            normals = sp.csc_array(sp.hstack([force_directions(found, poses, 1, 0).to_csc(), limit_normals]))
-        gap = np.concatenate([found.gap, limit_gap])
+        if len(contacts.gap):
+            normals = sp.csc_array(sp.hstack([force_directions(contacts, poses, 1, 0).to_csc(), limit_normals]))
+        gap = np.concatenate([contacts.gap, limit_gap])
         return Overlaps(gap, normals, self.inverse_mass, self.joints.errors_at(poses))
 
     def contacts_within(self, poses: FloatArray, margin: float) -> ContactSet:
         """Return the contacts with a gap below ``margin`` [m], sorted by bodies and feature."""
-        everything = np.concatenate([poses, self._fixed_poses])
-        pairs = near_bodies(everything[:, :3], self.radii, self.n_bodies, margin, self._joined)
-        return find_contacts(self._all_shapes, everything, pairs, margin)
+        all_poses = np.concatenate([poses, self._fixed_poses])
+        pairs = near_bodies(all_poses[:, :3], self.radii, self.n_bodies, margin, self._joined_pairs)
+        return find_contacts(self._all_shapes, all_poses, pairs, margin)
 
     def keys_of(self, found: ContactSet) -> IntArray:
-        """Return the keys of contacts that ``assemble`` uses."""
+        """Return the keys that ``assemble`` gives to contacts, shape (n_contacts,)."""
         return self._keys.encode(found.first, found.second, found.feature)
 
     def _active_contacts(self, poses: FloatArray) -> ActiveContacts | None:
-        found = self.contacts_within(poses, self.margin)
-        if not len(found.gap):
+        contacts = self.contacts_within(poses, self.margin)
+        if not len(contacts.gap):
             return None
-        keys, width = self.keys_of(found), self.rows_per_contact
+        keys, width = self.keys_of(contacts), self.rows_per_contact
         pairs = self._keys.pairs(keys)
         friction = self.friction(pairs) if callable(self.friction) else self.friction or 0.0
         laws = Laws.contacts(friction, self.linear_rows, len(keys))
@@ -358,12 +358,12 @@ class RigidBodies:
         restitution[:, 1 : self.linear_rows] = self.restitution_tangential
         rebound = self.restitution_normal
         restitution[:, 0] = rebound(pairs) if callable(rebound) else rebound
-        directions = force_directions(found, poses, self.linear_rows, self.rolling_axes)
-        return ActiveContacts(keys, found.gap, laws, directions, restitution.ravel(), width)
+        directions = force_directions(contacts, poses, self.linear_rows, self.rolling_axes)
+        return ActiveContacts(keys, contacts.gap, laws, directions, restitution.ravel(), width)
 
     @property
     def first_joint_key(self) -> int:
-        """The key of the first joint, larger than those of all contacts."""
+        """The key of the first joint, larger than the keys of all contacts."""
         return self._keys.n_bodies**2 * self._keys.n_features
 
     def _with_joints(self, contacts: ActiveContacts | None, joints: JointRows) -> ActiveContacts | None:
@@ -375,13 +375,13 @@ class RigidBodies:
         width = max(self.rows_per_contact, int(counts.max()))
         if contacts is None:
             return ActiveContacts(keys, joints.gap, joints.laws, joints.directions, rebound, width, counts, drive)
-        own = contacts.directions
-        assert not isinstance(own, sp.csc_array)
+        contact_directions = contacts.directions
+        assert not isinstance(contact_directions, sp.csc_array)
         return ActiveContacts(
             np.concatenate([contacts.keys, keys]),
             np.concatenate([contacts.gap, joints.gap]),
             Laws.concatenate([contacts.laws, joints.laws]),
-            sp.csc_array(sp.hstack([own.to_csc(), joints.directions])),
+            sp.csc_array(sp.hstack([contact_directions.to_csc(), joints.directions])),
             np.concatenate([contacts.restitution, rebound]),
             width,
             np.concatenate([np.full(len(contacts.keys), contacts.width), counts]),
@@ -390,9 +390,9 @@ class RigidBodies:
 
     @property
     def potential_energy(self) -> Callable[[FloatArray], float] | None:
-        """The function q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
-        known = total_potential(self.potentials, len(self.accelerations))
-        return None if known is None else lambda position: known(self.centres(position), self.masses)
+        """The function q ↦ V [J] of all forces; None if the potential energy of a force is not known."""
+        potential = total_potential(self.potentials, len(self.accelerations))
+        return None if potential is None else lambda position: potential(self.centres(position), self.masses)
 
     def kinetic_energy(self, velocity: FloatArray) -> float:
         """Return ½ uᵀ M u [J]."""

@@ -20,7 +20,7 @@ class Sphere:
         radius: r [m].
 
     Raises:
-        ProblemError: if the radius is not positive and finite.
+        ProblemError: if the radius is not between ``MIN_LENGTH`` and ``MAX_LENGTH``.
     """
 
     radius: float
@@ -58,7 +58,7 @@ class Capsule:
         length: length of the segment, without the caps [m].
 
     Raises:
-        ProblemError: if a length is not positive and finite.
+        ProblemError: if a length is not between ``MIN_LENGTH`` and ``MAX_LENGTH``.
     """
 
     radius: float
@@ -102,7 +102,7 @@ class Cylinder:
         length: distance between its flat ends [m].
 
     Raises:
-        ProblemError: if a length is not positive and finite.
+        ProblemError: if a length is not between ``MIN_LENGTH`` and ``MAX_LENGTH``.
     """
 
     radius: float
@@ -134,10 +134,10 @@ class Cylinder:
 
 
 def require_lengths(shape: str, **lengths: object) -> None:
-    """Check that lengths of a shape are positive, and from ``MIN_LENGTH`` to ``MAX_LENGTH``.
+    """Check that lengths of a shape are numbers from ``MIN_LENGTH`` to ``MAX_LENGTH`` [m].
 
     Raises:
-        ProblemError: if a length is out of range; the message names the first one.
+        ProblemError: if a length is out of range; the message names the first such length.
     """
     for name, value in lengths.items():
         if not (isinstance(value, float | int | np.floating | np.integer) and isfinite(value) and value > 0.0):

@@ -20,7 +20,7 @@ class Box:
         size: edge lengths along the body axes [m].
 
     Raises:
-        ProblemError: if ``size`` does not contain three positive, finite numbers.
+        ProblemError: if ``size`` does not contain three lengths in the range of ``require_lengths``.
     """
 
     size: tuple[float, ...]
@@ -75,11 +75,11 @@ Shape = Box | HalfSpace | Polyhedron | Sphere | Capsule | Cylinder
 
 
 def check_shape(name: str, given: object) -> None:
-    """Check that ``given``, which a message calls ``name``, is a shape.
+    """Check that ``given`` is a shape; the error message calls it ``name``.
 
     Raises:
         ProblemError: if ``given`` is not a shape.
     """
     if not isinstance(given, Shape):
-        pair = "; convex_polyhedron returns a shape and its pose" if isinstance(given, tuple) else ""
-        raise ProblemError(f"{name} must be a shape, such as Box((1, 1, 1)), got {type(given).__name__}{pair}.")
+        hint = "; convex_polyhedron returns a shape and its pose" if isinstance(given, tuple) else ""
+        raise ProblemError(f"{name} must be a shape, such as Box((1, 1, 1)), got {type(given).__name__}{hint}.")

@@ -54,7 +54,10 @@ def _check_box(size: Size, slope: float, overlap: float) -> None:
 
 
 class SlidingBox(ClosedFormScene):
-    """Base class of scenes in which a box on an incline slides, stops or stays, and does not tip."""
+    """Base class of scenes in which a box on an incline slides, stops or stays, and does not tip.
+
+    For the attributes, see ``BoxOnIncline``.
+    """
 
     slope: float
     friction: float
@@ -217,7 +220,7 @@ class TippingBox:
 
     @property
     def lean(self) -> float:
-        """Angle [rad] past the vertical of the line from the lower edge to the centre, positive if the box tips."""
+        """Angle [rad] from the vertical to the line from the lower edge to the centre, positive if the box tips."""
         return self.slope - float(np.arctan2(self.size[0], self.size[2]))
 
     @property
@@ -244,7 +247,7 @@ class TippingBox:
     def angular_velocity(self, angle: float) -> float:
         """Return the angular velocity [rad/s] after rotation about the lower edge by ``angle`` [rad].
 
-        It follows from conservation of energy. It is 0 if the box does not tip.
+        The angular velocity follows from conservation of energy, and is 0 if the box does not tip.
         """
         descent = cos(self.lean) - cos(self.lean + angle)
         return float(np.sqrt(1.5 * self.gravity / self.arm * descent)) if self.tips else 0.0

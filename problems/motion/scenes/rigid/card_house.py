@@ -24,7 +24,7 @@ class CardHouse(PrismScene):
     Pairs come first, from left to right and from the lowest storey up, the left card first; then the level cards.
 
     Attributes:
-        storeys: k.
+        storeys: number of storeys.
         lean: α of a leaning card from the vertical [rad].
         friction: μ of all contacts.
         length: length of a card [m].
@@ -81,7 +81,7 @@ class CardHouse(PrismScene):
         return np.array([[left - self.base, 0.0], [left, 0.0], [0.0, meeting], [0.0, self.height], [head, self.height]])
 
     def sections(self) -> Sequence[FloatArray]:
-        """Return the corners of the cards, leaning ones first."""
+        """Return the corners (x, z) of each card [m]: leaning cards, shape (5, 2), then level cards, shape (4, 2)."""
         pitch, storey = self.length + 0.25 * self.base, self.height + self.thickness - 2.0 * self.overlap
         left = self.leaning() + np.array([0.5 * self.overlap, 0.0])
         right = left * np.array([-1.0, 1.0])
@@ -89,11 +89,11 @@ class CardHouse(PrismScene):
         level = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         leaning, lying = [], []
         for below in range(self.storeys):
-            pairs = self.storeys - below
+            n_pairs = self.storeys - below
             base = below * storey - self.overlap
-            places = pitch * (np.arange(pairs) - 0.5 * (pairs - 1))
-            for x in places:
+            pair_centres = pitch * (np.arange(n_pairs) - 0.5 * (n_pairs - 1))
+            for x in pair_centres:
                 leaning += [card + np.array([x, base]) for card in (left, right)]
             middle = base + self.height + 0.5 * self.thickness - self.overlap
-            lying += [level + np.array([x, middle]) for x in 0.5 * (places[:-1] + places[1:])]
+            lying += [level + np.array([x, middle]) for x in 0.5 * (pair_centres[:-1] + pair_centres[1:])]
         return [*leaning, *lying]

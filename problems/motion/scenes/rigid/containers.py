@@ -1,7 +1,8 @@
 """Boxes in containers: a drum that turns about a level axis, and a hopper with a slot.
 
-The staves of the drum are bodies on circles about the axis, ``STAVE_MASS_RATIO`` times as heavy as a box, so that
-they move as a ring at constant speed. The walls at the ends of both containers are planes without friction.
+The staves of the drum are bodies that move on circles about the axis. Each is ``STAVE_MASS_RATIO`` times as heavy as a
+box, so that they move as a ring at constant speed. The walls at the ends of both containers are planes without
+friction.
 
 Both reference results are wide empirical ranges. The angle of repose of most dry grains is between 25 and 45°, and
 larger for angular grains than for round ones (review: Beakawi Al-Hashemi & Al-Amoudi, *A review on the angle of repose
@@ -53,7 +54,7 @@ STAVES = 24
 """Number of staves of a drum."""
 
 GAP = 1e-3
-"""Gap between staves divided by the inner radius; also sets the gap between staves and end walls."""
+"""Clearance at each end of a stave, divided by the inner radius around the drum and by the width along the axis."""
 
 JAM_SECONDS = 0.5
 """Time without a passing box after which a hopper counts as jammed [s]."""
@@ -92,7 +93,7 @@ class DrivenRing(Force):
         return accelerations
 
     def potential_energy(self, centres: FloatArray, masses: FloatArray) -> float:
-        """Return V = Σ m g z of the bodies with weight [J]; that of the others is constant on their circles."""
+        """Return V = Σ m g z of the bodies with weight [J]; that of the other bodies is constant on their circles."""
         return self.gravity * float(masses[: self.n_boxes] @ centres[: self.n_boxes, 2])
 
 
@@ -107,7 +108,7 @@ def end_walls(width: float) -> list[FixedBody]:
 def lattice(
     count: int, edge: float, layers: int, seed: int, has_room: Callable[[float, float], bool], *, lowest: float
 ) -> FloatArray:
-    """Return poses of boxes on a lattice, filled from its lowest row up and from its middle out, shape (count, 7).
+    """Return poses, shape (count, 7), of boxes on a lattice, filled from the lowest row up and from the middle out.
 
     Each box has a small random rotation.
 
@@ -187,7 +188,7 @@ class RotatingDrum(BoxContainer):
         seed: seed of the initial rotations.
 
     Raises:
-        ProblemError: if a number is not positive, the boxes do not fit, or centrifugal forces exceed weight.
+        ProblemError: if a number is not positive, or centrifugal forces reach the weight.
     """
 
     n_boxes: int = 48
@@ -230,7 +231,11 @@ class RotatingDrum(BoxContainer):
         return rigid_bodies(shapes, masses, end_walls(self.width), effects)
 
     def start(self) -> State:
-        """Return the boxes at rest, and the staves in motion."""
+        """Return the boxes at rest, and the staves in motion.
+
+        Raises:
+            ProblemError: if the boxes do not fit.
+        """
         reach = self.radius - self.edge
 
         def has_room(x: float, z: float) -> bool:
@@ -250,7 +255,7 @@ class RotatingDrum(BoxContainer):
     def slope(self, state: State) -> float:
         """Return the angle between the vertical and the line from the axis to the centre of all boxes [degrees].
 
-        It equals the slope of the surface if that is a plane.
+        The angle equals the slope of the surface if the surface is a plane.
         """
         x, _, z = state.position.reshape(-1, 7)[: self.n_boxes, :3].mean(axis=0)
         return float(np.degrees(np.arctan2(-x, -z)))
@@ -301,7 +306,7 @@ class Hopper(BoxContainer):
 
     @cached_property
     def flow_rate(self) -> float:
-        """Boxes per second by Beverloo's law, with the d of a sphere of the volume of a box; 0 if the boxes jam."""
+        """Boxes per second by Beverloo's law, where d belongs to the sphere with the volume of a box; 0 if D ≤ k d."""
         diameter = self.edge * (6.0 / pi) ** (1.0 / 3.0)
         free_width = max(self.outlet * self.edge - BEVERLOO_NARROWING * diameter, 0.0)
         return float(BEVERLOO_COEFFICIENT * PACKING / self.edge**3 * sqrt(self.gravity) * self.width * free_width**1.5)
@@ -312,8 +317,8 @@ class Hopper(BoxContainer):
         fixed = []
         for side in (-1.0, 1.0):
             along = np.array([side, 0.0, 1.0]) / sqrt(2.0)
-            out = np.array([side, 0.0, -1.0]) / sqrt(2.0)
-            centre = np.array([side * half, 0.0, 0.0]) + 0.5 * sqrt(2.0) * height * along + 0.5 * thickness * out
+            outward = np.array([side, 0.0, -1.0]) / sqrt(2.0)
+            centre = np.array([side * half, 0.0, 0.0]) + 0.5 * sqrt(2.0) * height * along + 0.5 * thickness * outward
             plate = Box((sqrt(2.0) * height, self.width, thickness))
             fixed.append(FixedBody(plate, tuple(centre.tolist()), tuple(about(Y_AXIS, -0.25 * side * pi))))
             wall_orientation = tuple(about(Y_AXIS, -0.5 * side * pi))
@@ -324,11 +329,15 @@ class Hopper(BoxContainer):
         return rigid_bodies([self.box] * self.n_boxes, masses, fixed, effects)
 
     def start(self) -> State:
-        """Return the boxes at rest above the outlet."""
-        half, room = 0.5 * self.outlet * self.edge, 0.7 * PITCH * self.edge
+        """Return the boxes at rest above the outlet.
+
+        Raises:
+            ProblemError: if the boxes do not fit.
+        """
+        half, clearance = 0.5 * self.outlet * self.edge, 0.7 * PITCH * self.edge
 
         def has_room(x: float, z: float) -> bool:
-            return abs(x) < half + min(z - sqrt(2.0) * room, self.height - room)
+            return abs(x) < half + min(z - sqrt(2.0) * clearance, self.height - clearance)
 
         poses = lattice(self.n_boxes, self.edge, self.layers, self.seed, has_room, lowest=self.edge)
         return State(0.0, poses.ravel(), np.zeros(6 * self.n_boxes))
@@ -345,15 +354,15 @@ class Hopper(BoxContainer):
 
     @property
     def ending(self) -> EndingRule:
-        """The simulation ends when all boxes have passed, or none has passed for ``JAM_SECONDS``."""
+        """The rule that ends a simulation when all boxes have passed, or no box has passed for ``JAM_SECONDS``."""
         return EndingRule(JAM_SECONDS, self._find_ending)
 
     def _find_ending(self, steps: NDArray[np.void]) -> SceneEnding | None:
         last = steps[-1]
-        n_left, seconds = self.n_boxes - int(last["boxes_through"]), float(last["time"])
-        if not n_left:
+        n_remaining, seconds = self.n_boxes - int(last["boxes_through"]), float(last["time"])
+        if not n_remaining:
             return SceneEnding("emptied", f"emptied: all {self.n_boxes} boxes are through after {seconds:.4g} s", True)
         if steps["time"][0] > seconds - JAM_SECONDS or steps["boxes_through"][0] != last["boxes_through"]:
             return None
-        sentence = f"jammed at {seconds:.4g} s: none of {n_left} boxes has passed the outlet for {JAM_SECONDS:g} s"
+        sentence = f"jammed at {seconds:.4g} s: none of {n_remaining} boxes has passed the outlet for {JAM_SECONDS:g} s"
         return SceneEnding("jammed", sentence, False)

@@ -1,14 +1,14 @@
 """A row of dominoes: the first one is pushed, and a wave of falling dominoes runs along the row.
 
-A domino that hits the next one keeps leaning on it, so that the whole train behind the wave pushes its head (D. E.
+A domino that hits the next one keeps leaning on it, so that the whole train of fallen dominoes pushes its head (D. E.
 Shaw, *Mechanics of a chain of dominoes*, Am. J. Phys. 46, 640, 1978). Dominoes of height h and thickness d that stand p
 apart, and do not slip on the ground, lean by angles with
 
     h sin(θ_{i−1} − θ_i) = p cos θ_i − d,
 
 so that the train moves with one degree of freedom, θ_i = θ_i(θ_n) with the rates w_i = dθ_i/dθ_n. The corner of domino
-i slides down the face of the next one. It pushes with f_i, and friction with μ f_i, whose moments about the lower edges
-are −f_i a_i on domino i and f_i b_i on the next one, with φ = θ_i − θ_{i+1} and
+i slides down the face of the next one. The normal force f_i between them and its friction μ f_i have moments about the
+lower edges, −f_i a_i on domino i and f_i b_i on the next one, with φ = θ_i − θ_{i+1} and
 
     a_i = h (cos φ + μ sin φ),      b_i = h cos φ − p sin θ_{i+1} − μ d.
 
@@ -64,7 +64,7 @@ class Dominoes:
 
     Raises:
         ProblemError: if a number is not positive, a domino cannot reach the next one, or the push does not topple
-            the first one.
+            the first domino.
     """
 
     n_dominoes: int = 20
@@ -127,11 +127,11 @@ class Dominoes:
     def angles(self, state: State) -> FloatArray:
         """Return the rotation angles of the dominoes [rad], shape (n_dominoes,)."""
         poses = state.position.reshape(-1, 7)
-        turned: FloatArray = 2.0 * np.arctan2(poses[:, 5], poses[:, 3])
-        return turned
+        rotation_angles: FloatArray = 2.0 * np.arctan2(poses[:, 5], poses[:, 3])
+        return rotation_angles
 
     def front(self, state: State) -> float:
-        """Return the position of the wave [m]; each domino counts by its angle divided by that of its impact."""
+        """Return the position of the wave [m]: p times the sum of angles over ``hitting_angle``, each at most 1."""
         return self.pitch * float(np.clip(self.angles(state) / self.hitting_angle, 0.0, 1.0).sum())
 
     @property
@@ -192,19 +192,19 @@ class Dominoes:
         angles, rates, weights = [heads], [np.ones(len(heads))], [np.ones(len(heads))]
         for _ in range(N_IMPACTS):
             sine = (self.pitch * np.cos(angles[-1]) - thickness) / height
-            cosine, way = np.sqrt(1.0 - sine * sine), self.pitch * np.sin(angles[-1])
-            lever_arm = height * cosine - way - self.friction * thickness
+            cosine, offset = np.sqrt(1.0 - sine * sine), self.pitch * np.sin(angles[-1])
+            lever_arm = height * cosine - offset - self.friction * thickness
             if not (lever_arm > 0.0).all():
                 raise ProblemError(f"dominoes with friction {self.friction} do not push each other; reduce it.")
             weights.append(weights[-1] * lever_arm / (height * (cosine + self.friction * sine)))
-            rates.append(rates[-1] * (1.0 - way / (height * cosine)))
+            rates.append(rates[-1] * (1.0 - offset / (height * cosine)))
             angles.append(angles[-1] + np.arcsin(sine))
         return np.array(angles), np.array(rates), np.array(weights)
 
 
-def _integral(values: FloatArray, at: FloatArray) -> FloatArray:
-    """Return the integral from the first of the points ``at`` to each of them, by the trapezoidal rule."""
+def _integral(values: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the integral from the first of ``points`` to each point, by the trapezoidal rule."""
     from scipy.integrate import cumulative_trapezoid  # import takes 0.2 s
 
-    integral: FloatArray = cumulative_trapezoid(values, at, initial=0)
+    integral: FloatArray = cumulative_trapezoid(values, points, initial=0)
     return integral

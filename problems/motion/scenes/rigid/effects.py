@@ -60,7 +60,7 @@ class GyroscopicMoment:
 def rigid_bodies(
     shapes: Sequence[Shape], masses: FloatArray, fixed: Sequence[FixedBody], effects: Sequence[BodyEffect]
 ) -> RigidBodies:
-    """Return the system of homogeneous bodies with masses [kg], shape (n,), among ``fixed`` ones, with ``effects``.
+    """Return a system of homogeneous bodies with ``masses`` [kg], shape (n,), fixed bodies, and ``effects``.
 
     Raises:
         ProblemError: if an effect is listed twice, or a number is out of range.

@@ -330,7 +330,7 @@ class FourBar(ClosedFormScene):
     def angles(self, crank: float) -> FloatArray:
         """Return the angles of crank, coupler and rocker from the base [rad], shape (3,), by the law of cosines.
 
-        The coupler points from the crank to the rocker, and the rocker away from its ground joint.
+        The first angle is ``crank``. The coupler points towards the rocker, and the rocker away from its ground joint.
         """
         x, z = self.base - self.crank * cos(crank), -self.crank * sin(crank)
         distance = hypot(x, z)

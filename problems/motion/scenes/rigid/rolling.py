@@ -24,9 +24,9 @@ class RollingBody(ClosedFormScene):
     """A round body that rolls along x without slip until its rolling resistance stops it.
 
     Attributes:
-        inertia_factor: J/(m r²) about its axis.
-        upright: its initial orientation, a unit quaternion.
-        spin_axis: the axis about which it rolls, in body axes.
+        inertia_factor: J/(m r²) about the axis of rolling.
+        upright: initial orientation of the body, a unit quaternion.
+        spin_axis: the axis about which the body rolls, in body axes.
     """
 
     speed: float
@@ -57,9 +57,9 @@ class RollingBody(ClosedFormScene):
         """Raise ``ProblemError`` if a number is not positive, or friction is too low for rolling."""
         check_positive(self, "a rolling body", "speed", "resistance", "radius", "mass", "gravity")
         if self.friction * self.gravity < self.deceleration:
-            least = self.deceleration / self.gravity
+            least_friction = self.deceleration / self.gravity
             raise ProblemError(
-                f"friction of a rolling body must be at least {least:.4g}, got {self.friction}; increase it."
+                f"friction of a rolling body must be at least {least_friction:.4g}, got {self.friction}; increase it."
             )
 
     @abstractmethod
@@ -76,10 +76,10 @@ class RollingBody(ClosedFormScene):
         rolling = min(time, self.stop_time)
         distance = self.speed * rolling - 0.5 * self.deceleration * rolling**2
         speed = self.speed - self.deceleration * rolling
-        turned = product(about(Y_AXIS, distance / self.radius)[None], np.array([self.upright]))[0]
+        orientation = product(about(Y_AXIS, distance / self.radius)[None], np.array([self.upright]))[0]
         spin = speed / self.radius * np.array(self.spin_axis)
         centre = np.array([distance, 0.0, self.radius - OVERLAP])
-        return State(time, np.concatenate([centre, turned]), np.concatenate([[speed, 0.0, 0.0], spin]))
+        return State(time, np.concatenate([centre, orientation]), np.concatenate([[speed, 0.0, 0.0], spin]))
 
 
 @dataclass(frozen=True)

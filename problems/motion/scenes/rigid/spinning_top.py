@@ -42,7 +42,7 @@ class SpinningTop(ClosedFormScene):
     Attributes:
         spin: n, angular velocity about its own axis [rad/s].
         tilt: θ, of the axis from the vertical [rad].
-        fast: whether it precesses with the larger root Ω.
+        fast: whether the top precesses with the larger root Ω.
         friction: μ of the tip on the ground; None for a ball joint at the tip.
         radius: radius of the upper face [m].
         height: height of the upper face above the tip [m].
@@ -151,7 +151,7 @@ class SpinningTop(ClosedFormScene):
         return State(time, np.concatenate([centre - depth * np.array(Z_AXIS), orientation[0]]), velocity)
 
     def axis_of(self, state: State) -> FloatArray:
-        """Return the axis of the top, a unit vector, shape (3,)."""
+        """Return the unit vector along the axis of the top, shape (3,)."""
         _, pose = self._pyramid
         upright = rotation_matrices(pose[None, 3:])[0]
         axis: FloatArray = rotation_matrices(state.position[None, 3:7])[0] @ upright[2]

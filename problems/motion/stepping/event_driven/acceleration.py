@@ -1,6 +1,6 @@
 """Contact laws at acceleration level, which govern the motion between two events.
 
-A closed contact has g = 0 and γ_N = 0 (index 3 and 2). Differentiating g twice and γ_N once gives
+A closed contact has g = 0 (index 3) and γ_N = 0 (index 2). Differentiating g twice and γ_N once gives
 
     γ̇ = Wᵀ u̇ + Ẇᵀ u,    u̇ = M⁻¹ (h + W λ),
 
@@ -9,11 +9,11 @@ of velocities (Glocker 2001, *Set-Valued Force Laws*, chapter 5; Pfeiffer & Gloc
 
     closed contact              −γ̇_N ∈ N_{R₀⁺}(λ_N)                     it stays closed, or opens with λ_N = 0
     with γ_T = 0                −γ̇_T ∈ N_{[−μ λ_N, μ λ_N]}(λ_T)         it continues to stick, or begins to slip
-    with γ_T ≠ 0                λ_T = −μ λ_N sign(γ_T)                  it slips without a further law
+    with γ_T ≠ 0                λ_T = −μ λ_N sign(γ_T)                  it slips; no further law
     open contact                λ = 0
 
-Sticking and closed contacts form one contact problem in λ and γ̇ with G = Wᵀ M⁻¹ W and c = Wᵀ M⁻¹ h + Ẇᵀ u. A slipping
-contact has only a unilateral law, whose force acts along w_N − μ sign(γ_T) w_T, so that G is not symmetric.
+The laws of closed and sticking contacts form one contact problem in λ and γ̇ with G = Wᵀ M⁻¹ W and c = Wᵀ M⁻¹ h + Ẇᵀ u.
+A slipping contact has only a unilateral law, whose force acts along w_N − μ sign(γ_T) w_T, so that G is not symmetric.
 """
 
 from dataclasses import dataclass
@@ -36,14 +36,14 @@ class Modes:
 
     Attributes:
         closed: whether γ_N = 0 is kept, shape (n_contacts,).
-        slip: sign of γ_T of closed contacts that slip, 0 for those that stick and for open ones, shape (n_contacts,).
+        slip: sign of γ_T of closed contacts that slip, 0 for sticking and open contacts, shape (n_contacts,).
     """
 
     closed: NDArray[np.bool_]
     slip: FloatArray
 
     def sticks(self, contact: int) -> bool:
-        """Whether a contact is closed and its tangential velocity is zero."""
+        """Return whether a contact is closed and its tangential velocity is zero."""
         return bool(self.closed[contact] and self.slip[contact] == 0.0)
 
 
@@ -82,22 +82,22 @@ class AccelerationLaws:
         return self.system.width
 
     def constraints(self, position: FloatArray, velocity: FloatArray, modes: Modes) -> Constraints:
-        """Return the equations of closed contacts; the force directions of slipping ones include their friction."""
+        """Return the equations of closed contacts; the force directions of slipping contacts include their friction."""
         width, friction = self.width, np.asarray(self.system.friction)
         rows, normal = _rows(modes, width)
         directions = self.system.directions(position)
-        acting = directions[:, rows]
+        force_directions = directions[:, rows]
         if width == 2:
             contacts = normal[normal >= 0]
-            acting[:, normal >= 0] -= (friction * modes.slip)[contacts] * directions[:, 2 * contacts + 1]
+            force_directions[:, normal >= 0] -= (friction * modes.slip)[contacts] * directions[:, 2 * contacts + 1]
         mass = self.system.mass(position)
-        applied = np.column_stack([self.system.force(position, velocity), acting])
-        solved: FloatArray = np.linalg.solve(mass, applied).astype(np.float64)
+        right_sides = np.column_stack([self.system.force(position, velocity), force_directions])
+        accelerations: FloatArray = np.linalg.solve(mass, right_sides).astype(np.float64)
         transposed = directions[:, rows].T
-        free = transposed @ solved[:, 0]
+        free = transposed @ accelerations[:, 0]
         if self.system.direction_rates is not None:
             free += self.system.direction_rates(position, velocity)[rows]
-        return Constraints(rows, transposed @ solved[:, 1:], free, solved[:, 0], solved[:, 1:])
+        return Constraints(rows, transposed @ accelerations[:, 1:], free, accelerations[:, 0], accelerations[:, 1:])
 
     def motion(self, position: FloatArray, velocity: FloatArray, modes: Modes) -> tuple[FloatArray, FloatArray]:
         """Return u̇ and the forces λ [N], shape (n_contacts, width), that keep the constraints of ``modes``."""
@@ -105,8 +105,8 @@ class AccelerationLaws:
         forces = np.zeros((len(modes.closed), self.width))
         if not len(equations.rows):
             return equations.free_motion, forces
-        solved = np.linalg.lstsq(equations.matrix, -equations.free, rcond=SINGULAR)
-        unknown: FloatArray = solved[0].astype(np.float64)
+        solution = np.linalg.lstsq(equations.matrix, -equations.free, rcond=SINGULAR)
+        unknown: FloatArray = solution[0].astype(np.float64)
         forces.flat[equations.rows] = unknown
         if self.width == 2:
             forces[:, 1] -= np.asarray(self.system.friction) * modes.slip * forces[:, 0]
@@ -118,7 +118,7 @@ class AccelerationLaws:
         Its rows are those of ``constraints``.
 
         Raises:
-            ProblemError: if the force of a slipping contact pulls it in (Painlevé), so that G_ii is negative.
+            ProblemError: if friction drives a slipping contact into penetration (Painlevé's paradox), so that G_ii < 0.
         """
         equations = self.constraints(position, velocity, candidates)
         _, normal = _rows(candidates, self.width)
@@ -131,15 +131,21 @@ class AccelerationLaws:
 
 
 def _rows(modes: Modes, width: int) -> tuple[IntArray, IntArray]:
-    """Return the rows with unknown forces, and for each the contact if it is a normal row, else −1."""
-    chosen = np.column_stack([modes.closed, modes.closed & (modes.slip == 0.0)])[:, :width]
-    rows = np.flatnonzero(chosen)
+    """Return the rows with unknown forces, and for each row its contact if the row is N, else −1."""
+    has_unknown_force = np.column_stack([modes.closed, modes.closed & (modes.slip == 0.0)])[:, :width]
+    rows = np.flatnonzero(has_unknown_force)
     contact, lane = np.divmod(rows, width)
     return rows, np.where(lane == 0, contact, -1)
 
 
 def least_change(mass: FloatArray, directions: FloatArray, violation: FloatArray) -> FloatArray:
-    """Return the change of least kinetic norm with Wᵀ change = violation."""
+    """Return the change Δu of least kinetic norm with Wᵀ Δu = ``violation``, shape (n_dofs,).
+
+    Args:
+        mass: M, shape (n_dofs, n_dofs).
+        directions: W, shape (n_dofs, m).
+        violation: the required change of Wᵀ u, shape (m,).
+    """
     responses: FloatArray = np.linalg.solve(mass, directions).astype(np.float64)
     change: FloatArray = responses @ np.linalg.lstsq(directions.T @ responses, violation, rcond=SINGULAR)[0]
     return change

@@ -59,7 +59,7 @@ class EventDriven(Stepper):
             if not value > 0.0:
                 raise ProblemError(f"{name} must be positive, got {value}.")
         if not begin <= until < np.inf:
-            raise ProblemError(f"until must be a time from the start ({begin} s) on, got {until}.")
+            raise ProblemError(f"until must be finite and not before the start ({begin} s), got {until}.")
 
     def follow(self, setup: MotionSetup) -> Iterator[AcceptedStep]:
         """Yield the motion at the ends of its phases and at times between them.
@@ -68,9 +68,9 @@ class EventDriven(Stepper):
             ProblemError: as ``check`` does.
             AccumulationError, MotionError: as ``simulate`` does.
         """
-        counting, begin, began = _CountingSolver(setup.solver), setup.start, perf_counter()
-        for phase in self._phases(replace(setup, solver=counting)):
-            seconds, solves = perf_counter() - began, counting.pop_count()
+        counting_solver, begin, wall_start = _CountingSolver(setup.solver), setup.start, perf_counter()
+        for phase in self._phases(replace(setup, solver=counting_solver)):
+            seconds, solves = perf_counter() - wall_start, counting_solver.pop_count()
             count = max(1, math.ceil((phase.end.time - begin.time) / self.longest_step(setup.scene)))
             for time in np.linspace(begin.time, phase.end.time, count + 1)[1:-1].tolist():
                 end = phase.at(time)
@@ -78,7 +78,7 @@ class EventDriven(Stepper):
                 begin = end
             switches = tuple(SwitchingPoint(e.time, e.time, e.law, e.contact, e.before, e.after) for e in phase.events)
             yield AcceptedStep(begin, phase.end, (), switches=switches, solves=solves, seconds=seconds)
-            begin, began = phase.end, perf_counter()
+            begin, wall_start = phase.end, perf_counter()
 
     def simulate(self, scene: Scene, solver: ContactSolver, stop: Stop, start: State, until: float) -> Motion:
         """Return the motion from ``start`` to the time ``until`` [s].
@@ -86,22 +86,24 @@ class EventDriven(Stepper):
         Raises:
             AccumulationError: if impacts accumulate.
             MotionError: if the start penetrates, M, h, g or W is invalid, a contact problem has no solution, or no
-                mode is consistent; like AccumulationError it contains the motion found so far.
+                mode is consistent; like AccumulationError, it contains the motion found so far.
             ProblemError: as ``check`` does, or if W depends on q while the system has no ``direction_rates``.
         """
-        run = self._begin(MotionSetup(scene, solver, stop, start, until))
-        for _ in run.advance_to(until):
+        integration = self._begin(MotionSetup(scene, solver, stop, start, until))
+        for _ in integration.advance_to(until):
             pass
-        return run.motion()
+        return integration.motion()
 
     def _phases(self, setup: MotionSetup) -> Iterator[Motion]:
         """Yield the motion in pieces: one phase, the events at its end, and the state after them."""
-        run = self._begin(setup)
+        integration = self._begin(setup)
         n_events = n_phases = 0
-        for _ in run.advance_to(setup.until):
-            if len(run.phases) > n_phases:  # an event that is due at once has no phase
-                yield Motion(tuple(run.events[n_events:]), tuple(run.phases[n_phases:]), run.motion().end)
-                n_events, n_phases = len(run.events), len(run.phases)
+        for _ in integration.advance_to(setup.until):
+            if len(integration.phases) > n_phases:  # an event that is due at once has no phase
+                yield Motion(
+                    tuple(integration.events[n_events:]), tuple(integration.phases[n_phases:]), integration.motion().end
+                )
+                n_events, n_phases = len(integration.events), len(integration.phases)
 
     def _begin(self, setup: MotionSetup) -> Integration:
         scene, start = setup.scene, setup.start

@@ -25,7 +25,7 @@ class Trigger:
         kind: "hit" (g of an open contact), "turn" (γ_N of one that has just opened), "open" (λ_N), "slip" (the reserve
             of friction μ λ_N ∓ λ_T), "stick" (|γ_T|).
         contact: the contact of the event.
-        function: function of (q, u) that crosses zero.
+        function: function of (q, u) that falls below zero at the event.
         direction: sign of γ_T after a "slip" event.
     """
 
@@ -35,7 +35,7 @@ class Trigger:
     direction: float = 0.0
 
     def is_due(self, position: FloatArray, velocity: FloatArray) -> bool:
-        """Whether the event is due in the state in which its phase begins."""
+        """Return whether the event is due in the state in which its phase begins."""
         return self.function(position, velocity) <= 0.0
 
     def for_scipy(self) -> Any:
@@ -56,8 +56,8 @@ class TriggerFactory:
     Attributes:
         laws: laws of the system at acceleration level.
         modes: modes of the phase.
-        armed: whether the trigger of an open contact is that its gap closes; otherwise, that the gap begins to close,
-            shape (n_contacts,).
+        armed: whether the trigger of an open contact fires when the gap closes; otherwise when the gap begins to
+            close, shape (n_contacts,).
     """
 
     laws: AccelerationLaws
@@ -71,23 +71,23 @@ class TriggerFactory:
         tiny = np.finfo(np.float64).tiny  # suppresses events of forces and velocities that remain zero
         force = MARGIN * float(np.abs(forces).max(initial=0.0)) + tiny
         speed = MARGIN * float(np.abs(contact_velocity).max(initial=0.0)) + tiny
-        found = []
+        result = []
         for i, closed in enumerate(self.modes.closed.tolist()):
             if not closed and self.armed[i]:
-                found.append(Trigger("hit", i, self._gap(i)))
+                result.append(Trigger("hit", i, self._gap(i)))
             elif not closed:
-                found.append(Trigger("turn", i, self._velocity(i, 0, 1.0, speed)))
+                result.append(Trigger("turn", i, self._velocity(i, 0, 1.0, speed)))
             else:
-                found += self._of_closed(i, force, speed)
-        return found
+                result += self._closed_triggers(i, force, speed)
+        return result
 
-    def _of_closed(self, i: int, force: float, speed: float) -> list[Trigger]:
-        found = [Trigger("open", i, self._load(i, force))]
+    def _closed_triggers(self, i: int, force: float, speed: float) -> list[Trigger]:
+        triggers = [Trigger("open", i, self._load(i, force))]
         if self.laws.width == 2 and self.modes.sticks(i):
-            found += [Trigger("slip", i, self._reserve(i, sign, force), -sign) for sign in (1.0, -1.0)]
+            triggers += [Trigger("slip", i, self._reserve(i, sign, force), -sign) for sign in (1.0, -1.0)]
         elif self.laws.width == 2:
-            found.append(Trigger("stick", i, self._velocity(i, 1, float(self.modes.slip[i]), speed)))
-        return found
+            triggers.append(Trigger("stick", i, self._velocity(i, 1, float(self.modes.slip[i]), speed)))
+        return triggers
 
     def _gap(self, i: int) -> StateFunction:
         return lambda q, u: float(self.laws.system.gap(q)[i])

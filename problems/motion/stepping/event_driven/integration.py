@@ -10,8 +10,8 @@ phase ends at the first event:
     slipping contact    γ_T reaches 0                                   it sticks, or slips the other way
 
 An impact solves one contact problem with all contacts that are closed or hit: −(G Λ + (I + ε) Wᵀu) ∈ N_C(Λ), the impact
-law of Moreau's rule. Afterwards, contacts with γ_N = 0 are closed and those with γ_N > 0 are open. A closed contact
-slips if γ_T ≠ 0.
+law of Moreau's rule. After the impact, contacts with γ_N = 0 are closed, and contacts with γ_N > 0 are open. A closed
+contact slips if γ_T ≠ 0.
 
 The inclusion at acceleration level determines the modes of the next phase. It is one contact problem for all contacts
 with γ_N = 0; those with γ_T = 0 may stick, or begin to slip in the direction of γ̇_T. The problem is degenerate for the
@@ -62,7 +62,7 @@ ABSOLUTE_TOLERANCE = 1e-15
 """Absolute tolerance of the integration of smooth phases, in the units of q and u."""
 
 MAX_START_GAP = 1e-6
-"""Gap [m] up to which a contact, penetrated or not, counts as closed at the start, with its gap set to 0."""
+"""Largest gap or penetration [m] at which a contact counts as closed at the start; its gap is then set to 0."""
 
 
 @dataclass(eq=False)
@@ -107,25 +107,25 @@ class Integration:
 
     def advance_to(self, until: float) -> Iterator[None]:
         """Advance to the time ``until`` [s], phase by phase."""
-        begins = deque([-np.inf], maxlen=MAX_EVENTS_AT_ONCE)
+        phase_starts = deque([-np.inf], maxlen=MAX_EVENTS_AT_ONCE)
         try:
             self.begin()
             while self.time < until:
-                if len(begins) == MAX_EVENTS_AT_ONCE and self.time - begins[0] < self.flight:
+                if len(phase_starts) == MAX_EVENTS_AT_ONCE and self.time - phase_starts[0] < self.flight:
                     raise MotionError(
                         f"at t = {self.time:.9g} s the contact modes change {MAX_EVENTS_AT_ONCE} times within "
                         f"{self.flight:.0e} s; no mode is consistent to rounding; use a "
                         "time-stepping method, such as Moreau.",
                         self.motion(),
                     )
-                begins.append(self.time)
+                phase_starts.append(self.time)
                 self.advance(until)
                 yield
         except ProxbenchError:
             raise
         except Exception as failure:
-            what = f"after t = {self.time:.9g} s the motion cannot be continued: {error_text(failure)}."
-            raise MotionError(what, self.motion()) from failure
+            message = f"after t = {self.time:.9g} s the motion cannot be continued: {error_text(failure)}."
+            raise MotionError(message, self.motion()) from failure
 
     def begin(self) -> None:
         """Find the modes at the start."""
@@ -187,8 +187,8 @@ class Integration:
                 self._switch(trigger)
                 return
 
-    def _rates(self, time: float, both: FloatArray) -> FloatArray:
-        position, velocity = both[: self.n], both[self.n :]
+    def _rates(self, time: float, state_vector: FloatArray) -> FloatArray:
+        position, velocity = state_vector[: self.n], state_vector[self.n :]
         acceleration, _ = self.laws.motion(position, velocity, self.modes)
         if not np.isfinite(acceleration).all():  # otherwise solve_ivp would not end
             raise MotionError(f"the motion is no longer finite at t = {time:.9g} s.", self.motion())
@@ -226,10 +226,10 @@ class Integration:
         problem = ContactProblem.from_delassus(
             0.5 * (delassus + delassus.T), (1.0 + restitution) * before, friction, self.width
         )
-        found = self._solve(problem, "impact")
-        self.velocity = self.velocity + responses @ found
+        solution = self._solve(problem, "impact")
+        self.velocity = self.velocity + responses @ solution
         impulses = np.zeros((len(is_involved), self.width))
-        impulses[contacts] = found.reshape(-1, self.width)
+        impulses[contacts] = solution.reshape(-1, self.width)
         margin = ROUNDING * np.abs(before).max(initial=0.0)
         after = self._contact_velocity()
         closed = is_involved & (after[:, 0] <= margin)
@@ -248,8 +248,8 @@ class Integration:
             except ProblemError as reason:
                 raise MotionError(
                     f"at t = {self.time:.9g} s the laws at acceleration level are not a contact problem: "
-                    f"{str(reason).rstrip('.')}; the force of a slipping contact may pull it in (Painlevé). Use a "
-                    "time-stepping method, such as Moreau.",
+                    f"{str(reason).rstrip('.')}; friction may drive a slipping contact into penetration (Painlevé). "
+                    "Use a time-stepping method, such as Moreau.",
                     self.motion(),
                 ) from None
             accelerations = problem.relative_velocity(self._solve(problem, "acceleration"))
@@ -280,30 +280,30 @@ class Integration:
         self.velocity = self.velocity - least_change(mass, constrained, constrained.T @ self.velocity)
 
     def _check_directions(self) -> None:
-        """Raise ``ProblemError`` if W has changed and its rate is not given."""
+        """Raise ``ProblemError`` if W has changed and the system has no ``direction_rates``."""
         directions, scale = self.system.directions(self.position), np.abs(self._directions).max(initial=0.0)
         if self.system.direction_rates is None and np.abs(directions - self._directions).max() > ROUNDING * scale:
             raise ProblemError("the force directions W depend on q; give the system 'direction_rates', (q, u) ↦ Ẇᵀ u.")
 
     def _record(self, modes: Modes, hitting: NDArray[np.bool_], impulses: FloatArray | None) -> None:
         """Record the changes of contact states as events."""
-        state, nothing = self._state(), np.zeros(self.width)
+        state, no_impulse = self._state(), np.zeros(self.width)
 
         def add_event(law: LawName, i: int, before: LawState, after: LawState, impulses_of_event: FloatArray) -> None:
             self.events.append(Event(self.time, law, i, before, after, state, impulses_of_event))
 
         for i in range(len(modes.closed)):
-            was, now = bool(self.modes.closed[i]), bool(modes.closed[i])
+            was_closed, is_closed = bool(self.modes.closed[i]), bool(modes.closed[i])
             if hitting[i] and impulses is not None:
                 add_event("unilateral", i, "open", "closed", impulses[i])
-            if (was or hitting[i]) and not now:
-                add_event("unilateral", i, "closed", "open", nothing)
-            if was and now and self.width == 2 and self.modes.sticks(i) != modes.sticks(i):
+            if (was_closed or hitting[i]) and not is_closed:
+                add_event("unilateral", i, "closed", "open", no_impulse)
+            if was_closed and is_closed and self.width == 2 and self.modes.sticks(i) != modes.sticks(i):
                 friction: tuple[LawState, LawState] = ("slip", "stick") if modes.sticks(i) else ("stick", "slip")
-                add_event("friction", i, *friction, nothing)
+                add_event("friction", i, *friction, no_impulse)
 
     def _check_accumulation(self, bouncing: NDArray[np.bool_]) -> None:
-        """Raise ``AccumulationError`` if flights become shorter than the resolution."""
+        """Raise ``AccumulationError`` if the flights of a contact become shorter than ``flight``."""
         for i in np.flatnonzero(bouncing).tolist():
             times = self._impacts.setdefault(i, [])
             times.append(self.time)
@@ -311,10 +311,11 @@ class Integration:
                 continue
             flight, previous = times[-1] - times[-2], times[-2] - times[-3]
             if flight < min(self.flight, previous):
-                rest = flight * flight / (previous - flight)
-                raise AccumulationError(self.motion(), i, len(times), flight, self.time + rest)
+                time_to_rest = flight * flight / (previous - flight)
+                raise AccumulationError(self.motion(), i, len(times), flight, self.time + time_to_rest)
 
     def _solve(self, problem: ContactProblem, level: str) -> FloatArray:
+        """Return the solution of a contact problem; raise ``MotionError`` if its residual is too large."""
         solution = self.solver.prepare(problem).solve(self.stop, None)
         residual = judge(problem, solution.impulses).residual
         if not residual <= TRUSTED_RESIDUAL:
