@@ -12,7 +12,7 @@ outnumber the fast ones by ``MAX_SLOW_SOLVES``. If even the fastest first solve 
 point states the ratio of both times (``notes``).
 
 A solver has misbehaved if the fastest first solve exceeds ``MAX_RATIO`` t + ``MAX_ALLOWANCE_SECONDS`` for the median
-t. There are two other reasons for such times, which are excluded before a solver is reported as misbehaving.
+t. Two other reasons for such times are excluded first:
 
 * A solver may load or compile something in its first solve, and the first run of any code is slow. A second series of
   first solves therefore runs in forks that have loaded all cached kernels and solved copies to the same tolerance.
