@@ -7,9 +7,8 @@ the time of such a first solve, and t that of repeated ones. The first solve is 
     t₁ ≤ EXPLAINED_RATIO t + ALLOWANCE_SECONDS.
 
 The speed of a core drifts. After a slow first solve, another round of repeated ones gives a second t, and the larger
-one counts. First solves continue until the fast ones outnumber the slow ones by ``MIN_FAST_SOLVES``, or the slow ones
-outnumber the fast ones by ``MAX_SLOW_SOLVES``. If even the fastest first solve is slow for the largest t, a note of the
-point states the ratio of both times (``notes``).
+one counts. First solves end when the fast ones outnumber the slow ones by ``MIN_FAST_SOLVES``, or the slow ones the
+fast ones by ``MAX_SLOW_SOLVES``. If even the fastest is slow for the largest t, a note states both times (``notes``).
 
 A solver has misbehaved if the fastest first solve exceeds ``MAX_RATIO`` t + ``MAX_ALLOWANCE_SECONDS`` for the median
 t. Two other reasons for such times are excluded first:
@@ -19,10 +18,10 @@ t. Two other reasons for such times are excluded first:
 * Copies may take fewer iterations than the problem, and run other code. If fewer than ``MIN_SIMILAR_COPIES`` of them
   take about as many, a third series runs in forks that have solved the problem itself in several other units. All
   these solves run the same code, and the solver is reported only if this series is slow as well. A solver that stores
-  answers for all units and miscounts its iterations therefore only gets a note.
+  answers for all units and miscounts its iterations only gets a note.
 
-Solves count against a solver only if no other program used the core during them. More than half of ``MAX_SLOW_SOLVES``
-such solves are needed.
+Only solves during which no other program used the core count against a solver, if more than half of
+``MAX_SLOW_SOLVES`` do.
 """
 
 import time
