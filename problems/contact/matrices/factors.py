@@ -36,7 +36,7 @@ class InverseMass:
         """Return a checked, read-only M⁻¹ from its diagonal, or from a matrix, dense or sparse.
 
         Raises:
-            ProblemError: if the shape is wrong, a number is not finite, or M⁻¹ is not positive definite.
+            ProblemError: if the shape is wrong, a number is not finite, or M⁻¹ is not symmetric positive definite.
         """
         if np.ndim(given) == 1 and not sp.issparse(given):
             diagonal = frozen(given, np.float64, "M⁻¹")
@@ -124,7 +124,7 @@ class InverseMass:
         return copy
 
     def root_blocks(self, length: int) -> FloatArray | None:
-        """Return S in diagonal blocks of ``length``, for ``Pieces.scaled``; None if it has other entries."""
+        """Return S in diagonal blocks of ``length`` rows, for ``Pieces.scaled``; None if S has entries outside them."""
         if length not in self._root_blocks:
             self._root_blocks[length] = self._cut_root(length)
         return self._root_blocks[length]
@@ -186,8 +186,8 @@ class Factors:
     @property
     def n_rows(self) -> int:
         """Number of rows of the problem."""
-        given = self.directions
-        return given.n_blocks * given.width if isinstance(given, Pieces) else int(given.shape[1])
+        directions = self.directions
+        return directions.n_blocks * directions.width if isinstance(directions, Pieces) else int(directions.shape[1])
 
     @cached_property
     def force_directions(self) -> sp.csc_array[Any]:
@@ -200,11 +200,11 @@ class Factors:
 
     def scaled_pieces(self, layout: BlockLayout) -> Pieces:
         """Return W̃ = Sᵀ W in pieces, for the blocks of ``layout``."""
-        given = self.directions
-        if isinstance(given, Pieces) and given.width == layout.width and layout.is_dense:
-            blocks = self.inverse_mass.root_blocks(given.length)
+        directions = self.directions
+        if isinstance(directions, Pieces) and directions.width == layout.width and layout.is_dense:
+            blocks = self.inverse_mass.root_blocks(directions.length)
             if blocks is not None:
-                return given.scaled(blocks)
+                return directions.scaled(blocks)
         if self.inverse_mass.is_diagonal:
             return cut_into_pieces(self.force_directions, self.inverse_mass.root_diagonal, layout)
         return cut_into_pieces(self.scaled_directions, np.ones(self.n_dofs), layout)

@@ -33,9 +33,9 @@ def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.
     Raises:
         ContainerError: if the matrix does not have this shape, or its arrays contradict each other.
     """
-    found = group.integer("m"), group.integer("n")
-    if found != shape:
-        raise ContainerError(f"{group.path} must have shape {shape} to match the vectors, got {found}")
+    stored_shape = group.integer("m"), group.integer("n")
+    if stored_shape != shape:
+        raise ContainerError(f"{group.path} must have shape {shape} to match the vectors, got {stored_shape}")
     kind, values = group.integer("nz"), group.floats("x")
     indices, pointers = group.integers("i"), group.integers("p")
     matrix: sp.csr_array[Any] | sp.csc_array[Any]

@@ -67,8 +67,10 @@ def save_problem(problem: ContactProblem, path: Path | str) -> None:
 
 def check_folder(folder: Path) -> None:
     """Raise ``ProblemError`` if a folder for problem files, or a folder above it, is a file."""
-    places = (folder, *folder.parents)
-    blocking = next((place for place in places if os.path.exists(place) and not os.path.isdir(place)), None)
+    candidates = (folder, *folder.parents)
+    blocking = next(
+        (candidate for candidate in candidates if os.path.exists(candidate) and not os.path.isdir(candidate)), None
+    )
     if blocking is not None:
         raise ProblemError(f"cannot write to {folder}: {blocking} is a file, not a folder; choose another folder.")
 

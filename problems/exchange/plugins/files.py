@@ -89,7 +89,7 @@ class PluginFile:
             ) from None
 
     def offered(self, kind: Kind) -> dict[str, Callable[..., Any]]:
-        """Return the classes or functions of one kind that it offers, by name.
+        """Return the classes or functions of one kind that the file offers, by name.
 
         Raises:
             PluginError: if SOLVERS is not a list of classes, two of them have the same name, or PROBLEMS or SCENES is
@@ -118,7 +118,7 @@ class PluginFile:
         return dict(offered)
 
     def check_offers(self) -> None:
-        """Raise ``PluginError`` with a suggestion if the file offers nothing, or as ``offered`` does."""
+        """Raise ``PluginError`` if the file offers nothing, or if an offer is invalid; see ``offered``."""
         offers = [self.offered(kind) for kind in get_args(Kind)]  # every kind, so that each is checked
         if any(offers):
             return
