@@ -145,25 +145,25 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         raise ProblemError(f"judge takes a ContactProblem, not {kind}; read one with load(name) or load(path).")
     if hasattr(impulses, "impulses"):
         raise ProblemError("judge takes the impulses of a solution, not the solution; pass solution.impulses.")
-    lam = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
-    if lam.shape != (problem.n_rows,):
-        raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry per row; got {lam.shape}.")
+    impulses = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
+    if impulses.shape != (problem.n_rows,):
+        raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry per row; got {impulses.shape}.")
     if model == Model.ENGINE and problem.engine is not None:
-        return replace(judge(problem, lam), residual=own_residual(problem.engine, lam), model=model)
+        return replace(judge(problem, impulses), residual=own_residual(problem.engine, impulses), model=model)
     residual, inf = Residual(problem), np.inf
     known = None if problem.answer is None else problem.answer.velocity
-    if not np.isfinite(lam).all():
+    if not np.isfinite(impulses).all():
         return _infinite_verdict(problem, residual, model)
     if residual.unit != 1.0:
         scaled = in_units(problem, time=residual.unit).problem
-        return _in_usual_units(judge(scaled, residual.unit * lam, model), residual.unit)
-    velocity, rounding = problem.accurate_velocity(lam)
-    violation = np.maximum(violations(problem, residual, lam, velocity, model), residual.law_rounding(rounding))
+        return _in_usual_units(judge(scaled, residual.unit * impulses, model), residual.unit)
+    velocity, rounding = problem.accurate_velocity(impulses)
+    violation = np.maximum(violations(problem, residual, impulses, velocity, model), residual.law_rounding(rounding))
     speed = np.maximum(np.abs(velocity), rounding)
     root = residual.lengths * np.sqrt(residual.alpha)
     energy, energy_scale = _largest_ratio(violation, root), _largest_ratio(residual.speeds, root)
-    natural_map = _natural_map(problem, lam, velocity, rounding)
-    norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, lam, velocity)]
+    natural_map = _natural_map(problem, impulses, velocity, rounding)
+    norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, impulses, velocity)]
     deviation = None if known is None else float(np.maximum(np.abs(velocity - known), rounding).max(initial=0.0))
     infeasible, normal = residual.infeasible, problem.laws.first_row[problem.laws.is_unilateral]
     is_stuck = np.arange(len(violation)) == residual.stuck_law
@@ -179,9 +179,9 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         natural_map_q=ratio(natural_map, norms[0]),
         natural_map_max=ratio(natural_map, max(norms)),
         penetration_velocity=float(np.maximum(-velocity[normal], rounding[normal]).max(initial=0.0)),
-        cone_violation=_cone_violation(problem, residual, lam),
-        complementarity=float(np.abs(lam[normal] * speed[normal]).max(initial=0.0)),
-        dissipated_energy=-0.5 * float(lam @ (velocity + problem.free_velocity)),
+        cone_violation=_cone_violation(problem, residual, impulses),
+        complementarity=float(np.abs(impulses[normal] * speed[normal]).max(initial=0.0)),
+        dissipated_energy=-0.5 * float(impulses @ (velocity + problem.free_velocity)),
         velocity_error=None if deviation is None else ratio(deviation, residual.scale),
         infeasible=infeasible,
         model=model,

@@ -285,12 +285,12 @@ class Laws:
         """
         if dim not in (1, 2, 3):
             raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
-        coefficients = frozen(friction, np.float64, "friction")
-        if coefficients.ndim == 0 and 0.0 <= coefficients < np.inf:
+        mu = frozen(friction, np.float64, "friction")
+        if mu.ndim == 0 and 0.0 <= mu < np.inf:
             make = _few_equal_laws if n_contacts <= MAX_CACHED_CONTACTS else _equal_laws
-            return make(float(coefficients), dim, n_contacts)
+            return make(float(mu), dim, n_contacts)
         try:
-            coefficient = np.broadcast_to(coefficients, (n_contacts,))
+            coefficient = np.broadcast_to(mu, (n_contacts,))
         except ValueError:
             shape = np.shape(friction)
             raise ProblemError(

@@ -46,12 +46,8 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> TransformedProblem:
     contacts = np.asarray(order, dtype=np.int64)
     if not np.array_equal(np.sort(contacts), np.arange(problem.n_contacts)):
         raise ProblemError(f"order must be a permutation of 0 to {problem.n_contacts - 1}.")
-    laws_of_contact = _laws_of_contacts(problem)
-    laws = (
-        np.concatenate([laws_of_contact[contact] for contact in contacts])
-        if len(contacts)
-        else np.zeros(0, dtype=np.int64)
-    )
+    members = _laws_of_contacts(problem)
+    laws = np.concatenate([np.zeros(0, dtype=np.int64), *(members[contact] for contact in contacts)])
     new_index = np.empty(len(laws) + 1, dtype=np.int64)
     new_index[laws] = np.arange(len(laws))
     new_index[-1] = -1  # partner −1 selects this entry

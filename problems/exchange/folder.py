@@ -17,6 +17,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -88,11 +89,7 @@ def list_folder(folder: Path | str) -> FolderSuite:
         if is_path(file.name) and file.is_file() and not _is_hidden(file.relative_to(folder))
     }
     groups = description.groups or {}
-    for pattern in (
-        *description.order,
-        *description.exclude,
-        *(pattern for patterns in groups.values() for pattern in patterns),
-    ):
+    for pattern in chain(description.order, description.exclude, *groups.values()):
         if not any(fnmatchcase(relative, pattern) for relative in files):
             raise ProblemError(f"{folder / DESCRIPTION}: the pattern {pattern!r} matches no problem file; correct it.")
     included = [relative for relative in files if not _matches(relative, description.exclude)]
@@ -104,12 +101,8 @@ def list_folder(folder: Path | str) -> FolderSuite:
     for relative in included:
         name = names[relative]
         if name in path_of_name:
-            broken.append(
-                (
-                    files[relative],
-                    f"{files[relative]} has the name of {files[path_of_name[name]]}; rename or exclude it.",
-                )
-            )
+            reason = f"{files[relative]} has the name of {files[path_of_name[name]]}; rename or exclude it."
+            broken.append((files[relative], reason))
             continue
         path_of_name[name] = relative
         members.append(Member(name, files[relative], _family(relative, groups)))

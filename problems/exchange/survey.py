@@ -126,7 +126,7 @@ def _range(values: FloatArray) -> tuple[float, float]:
 
 
 def problem_files(path: Path, suffixes: tuple[str, ...] = (*FCLIB_SUFFIXES, *SUFFIXES)) -> Iterator[Path]:
-    """Yield ``path`` if it is no folder, else the files in it and its subfolders with one of the suffixes, by path.
+    """Yield ``path`` if it is not a folder, else the files below it that have one of the suffixes, sorted by path.
 
     Raises:
         ProblemError: if the folder has no such file.

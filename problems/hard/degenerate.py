@@ -76,9 +76,10 @@ def immovable_contact(n: int = 2, dim: int = 1) -> ContactProblem:
 
 
 def immovable_among(n: int) -> ContactProblem:
-    """Return a sliding tower of ``n`` bodies and one more ground contact, whose normal is zero, in the middle of the list.
+    """Return a sliding tower of ``n`` bodies with an additional contact that has a normal of zero length.
 
-    No impulse can stop the approach of this contact at 1 m/s. The problem of the other contacts has a solution.
+    The contact touches the ground and lies in the middle of the list. No impulse can stop its approach at 1 m/s. The
+    problem of the other contacts has a solution.
     """
     tower = sliding_tower(np.ones(n))
     assert tower.factors is not None

@@ -132,7 +132,7 @@ def random_spectrum_problem(eigenvalues: FloatArray, dim: int, friction: float, 
 
 
 def single_precision(family: Family, seed: int, assembled: bool = False) -> ContactProblem:
-    """Return a problem of ``family`` from float32 arrays, which represent the short fractions exactly.
+    """Return a problem of ``family`` from float32 arrays, which represent its numbers exactly.
 
     The problem has factors, or G if ``assembled``. G is exact for equal masses and few degrees of freedom.
     """

@@ -82,8 +82,8 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
     """Return a wheel of 1 kg on the ground, towed from rest by a line of ``n`` bodies of 1/n kg at its axle.
 
     The first body is pulled with ``pull`` [N s]. The wheel is a disc of radius 0.1 m with rows N, T, R. It slides,
-    rolls, does both or rests. Λ_N is the weight of the wheel times Δt, so |Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N form a box. A joint transmits
-    the momentum of all bodies behind it. q = positions of the bodies, then (x, y, φ) of the wheel.
+    rolls, does both or rests. Λ_N is m g Δt of the wheel, so |Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N form a box. A joint
+    transmits the momentum of all bodies behind it. q = positions of the bodies, then (x, y, φ) of the wheel.
     """
     radius, inertia, mass = 0.1, 0.005, 1.0 / n
     directions = np.zeros((n + 3, n + 3))

@@ -32,12 +32,10 @@ def mixed_laws(copies: int = 1) -> ContactProblem:
     Λ and ξ are chosen to be complementary (open, closed; stick, slip; at the bound a + μΛ_N), and c = ξ − G Λ. G has
     full rank and is nearly diagonal, so the solution is unique.
     """
-    partner_of_copy = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
+    first_copy = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
     n, t, s = LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION
     kind = np.tile([n, n, n, t, n, t, n, s, n, s, t], copies)
-    partner = np.concatenate(
-        [np.where(partner_of_copy >= 0, partner_of_copy + 11 * copy, -1) for copy in range(copies)]
-    )
+    partner = np.concatenate([np.where(first_copy >= 0, first_copy + 11 * copy, -1) for copy in range(copies)])
     laws = Laws.in_order(kind, np.where(partner >= 0, 0.5, 0.0), np.where(kind != n, 0.1, 0.0), partner)
     impulses = np.tile([0.0, 1.0, 1.0, 0.6, 1.0, 0.2, 2.0, -0.66, 0.88, 1.0, 0.1, 0.2, -0.1], copies)
     velocity = np.tile([1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.5, -2.0, 0.0, 0.0, 0.0, 0.7], copies)

@@ -149,7 +149,7 @@ def _check_sparse(matrix: Any, name: str) -> None:
 @interpretable
 @njit(cache=True)
 def _is_in_order(indptr, indices, data, length):  # type: ignore[no-untyped-def]
-    """Return whether minor indices of a compressed matrix ascend within 0 … ``length`` − 1 and all entries are finite."""
+    """Return whether the minor indices ascend within 0 … ``length`` − 1 and all entries are finite."""
     one, count = uint64(1), uint64(len(data))
     if indptr[0] != 0 or indptr[-1] != len(data) or len(indices) != len(data):
         return False

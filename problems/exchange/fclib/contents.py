@@ -135,8 +135,8 @@ def read_contents(file: Group) -> LocalContents | GlobalContents:
     """
     roots = [name for name in (LOCAL, GLOBAL, ROLLING) if name in file]
     if len(roots) != 1:
-        count = "no problem" if not roots else "several problems"
-        raise ContainerError(f"it contains {count}; it must have one of the groups {LOCAL}, {GLOBAL} and {ROLLING}")
+        problems = "no problem" if not roots else "several problems"
+        raise ContainerError(f"it contains {problems}; it must have one of the groups {LOCAL}, {GLOBAL} and {ROLLING}")
     root = file.group(roots[0])
     vectors = root.group("vectors")
     common: dict[str, Any] = {

@@ -41,7 +41,7 @@ SINGLE_PRECISION = 1e-4
 """Tolerated error of sums in single precision, relative to their terms."""
 
 ARRAYS = ("D", "v_f", "mu", *COUNTS)
-"""Names of the arrays of a dump; ``mu`` and the counts have defaults."""
+"""Names of the arrays of a dump; the counts may be missing, and ``mu`` without contacts."""
 
 _SETS = {
     LawKind.BILATERAL: EngineSet.LINE,

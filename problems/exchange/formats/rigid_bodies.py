@@ -146,9 +146,8 @@ def _directions(arrays: Arrays, first: IntArray, second: IntArray, n_bodies: int
     for body, sign, point in ((second, 1.0, point_on_second), (first, -1.0, point_on_first)):
         contacts = np.flatnonzero(body >= 0)
         lever = (point[contacts] - position[body[contacts]])[:, None, :]
-        values = sign * np.concatenate(
-            [axes[contacts], np.cross(lever, axes[contacts])], axis=2
-        )  # (contacts, 3 rows, 6 dofs)
+        forces = axes[contacts]
+        values = sign * np.concatenate([forces, np.cross(lever, forces)], axis=2)  # (contacts, 3 rows, 6 dofs)
         rows = np.broadcast_to((6 * body[contacts])[:, None, None] + np.arange(6), values.shape)
         columns = np.broadcast_to((3 * contacts)[:, None, None] + np.arange(3)[:, None], values.shape)
         blocks.append((values.ravel(), rows.ravel(), columns.ravel()))

@@ -161,7 +161,8 @@ class BallSystem:
     def with_margin(self, margin: float) -> "BallSystem":
         """Return balls with radii larger by ``margin`` [m].
 
-        Gaps below ``margin`` to surfaces, and below twice ``margin`` between balls, then count as closed. All lever arms of a ball grow by the same length, so the equilibrium of its moments does not change.
+        Gaps below ``margin`` to surfaces, and below twice ``margin`` between balls, then count as closed. All lever
+        arms of a ball grow by the same length, so the equilibrium of its moments does not change.
         """
         return replace(self, radii=self.radii + margin)
 
@@ -210,10 +211,8 @@ class BallSystem:
             return None
         directions = self._directions(detected)
         restitution = np.full((len(keys), self.rows_per_contact), self.restitution_tangential)
-        normal_restitution = self.restitution_normal
-        restitution[:, 0] = (
-            normal_restitution(self._keys.pairs(keys)) if callable(normal_restitution) else normal_restitution
-        )
+        coefficient = self.restitution_normal
+        restitution[:, 0] = coefficient(self._keys.pairs(keys)) if callable(coefficient) else coefficient
         friction = self.friction(self._keys.pairs(keys)) if callable(self.friction) else self.friction or 0.0
         laws = Laws.contacts(friction, self.rows_per_contact, len(keys))
         return ActiveContacts(keys, detected.gap, laws, directions, restitution.ravel(), self.rows_per_contact)
