@@ -292,9 +292,9 @@ def _pair_sums(sums: FloatArray, minimum: FloatArray) -> FloatArray:
     return result
 
 
-def _canonical(given: sp.csr_array[Any]) -> sp.csr_array[Any]:
+def _canonical(source: sp.csr_array[Any]) -> sp.csr_array[Any]:
     """Return a read-only copy with sorted indices."""
-    matrix = sp.csr_array(given, copy=True)
+    matrix = sp.csr_array(source, copy=True)
     matrix.sum_duplicates()
     read_only(matrix.data, matrix.indices, matrix.indptr)
     return matrix

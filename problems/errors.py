@@ -28,7 +28,7 @@ class InsufficientMemoryError(ProxbenchError, MemoryError):
 
 
 class PluginError(ProxbenchError, ValueError):
-    """A plugin is missing, fails to import, uses a name that is taken, or breaks its contract."""
+    """A plugin is missing, fails to import, offers a name in use, or breaks its contract."""
 
 
 MAX_NAMES = 12
@@ -38,7 +38,7 @@ MIN_SIMILARITY = 0.7
 """Smallest similarity by difflib for a name to be suggested; 'nope' and 'hopper' have 0.6."""
 
 MIN_SIMILARITY_OF_SAME_INITIAL = 0.6
-"""Smallest similarity for a name to be suggested if it begins with the first letter of the name given."""
+"""Smallest similarity for a name to be suggested if it begins with the first letter of the unknown name."""
 
 LIST_PROBLEMS_COMMAND = "proxbench list problems --suite all"
 """The command that lists all problems."""

@@ -185,19 +185,19 @@ def _add_single_row(collector: _RowCollector, model: Any, data: Any, row: int, n
     module = mujoco()
     types, objects = module.mjtConstraint, module.mjtObj
     kind, index = int(data.efc_type[row]), int(data.efc_id[row])
-    known = {
+    supported = {
         int(types.mjCNSTR_EQUALITY): ("equality", objects.mjOBJ_EQUALITY, LawKind.BILATERAL),
         int(types.mjCNSTR_FRICTION_DOF): ("friction of joint", objects.mjOBJ_JOINT, LawKind.PLANAR_FRICTION),
         int(types.mjCNSTR_FRICTION_TENDON): ("friction of tendon", objects.mjOBJ_TENDON, LawKind.PLANAR_FRICTION),
         int(types.mjCNSTR_LIMIT_JOINT): ("limit of joint", objects.mjOBJ_JOINT, LawKind.UNILATERAL),
         int(types.mjCNSTR_LIMIT_TENDON): ("limit of tendon", objects.mjOBJ_TENDON, LawKind.UNILATERAL),
     }
-    if kind not in known:
+    if kind not in supported:
         collector.refused.append(
             RefusedRow(row, f"row {row}", f"its type {kind} is not known; remove it from the model")
         )
         return
-    label, object_kind, law = known[kind]
+    label, object_kind, law = supported[kind]
     index = int(model.dof_jntid[index]) if kind == types.mjCNSTR_FRICTION_DOF else index
     key = f"{label} {_name(model, object_kind, index)}"
     if norm == 0.0:

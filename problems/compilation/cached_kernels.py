@@ -75,7 +75,7 @@ def source_digest(module: str, names: dict[str, Any]) -> bytes:
 
 
 def _digest_of(value: Any, module: str) -> bytes:
-    """Return the digest of the module that defines a kernel or named tuple; empty if not another one of the package."""
+    """Return the digest of the other module of this package that defines a kernel or named tuple, or empty bytes."""
     if isinstance(value, Dispatcher):
         origin = value.py_func.__module__
     elif isinstance(value, _Intrinsic):

@@ -153,8 +153,8 @@ def _part_of_layout(laws: Laws) -> BlockLayout | None:
     """
     if laws.equal_laws is None or not laws.n_laws:
         return None
-    whole = layout_of(laws.equal_laws)
-    return whole.first(laws.n_laws * whole.n_blocks // laws.equal_laws.n_laws)
+    longer = layout_of(laws.equal_laws)
+    return longer.first(laws.n_laws * longer.n_blocks // laws.equal_laws.n_laws)
 
 
 @interpretable

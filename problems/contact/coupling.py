@@ -1,9 +1,9 @@
 """The coupling of contacts: two contacts are coupled if they touch a common body, directly or through other contacts.
 
-If the factors of G = Wᵀ M⁻¹ W are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ. Two contacts share it if both
-have an entry there. If only G is known, every entry above rounding level couples its two contacts; contacts of one body
-in directions that happen to be orthogonal are then not coupled. A friction law is coupled with the law that bounds it.
-The connected components of this graph are independent contact problems.
+If the factors of G = Wᵀ M⁻¹ W are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ. Two contacts share a body if
+both have an entry in its row. If only G is known, every entry above rounding level couples its two contacts; contacts
+of one body in directions that happen to be orthogonal are then not coupled. A friction law is coupled with the law that
+bounds it. The connected components of this graph are independent contact problems.
 """
 
 from typing import Any

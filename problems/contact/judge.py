@@ -124,11 +124,11 @@ class Verdict:
 @interprets_kernels
 @np.errstate(over="ignore", invalid="ignore")  # overflow gives inf
 def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
-    """Judge impulses Λ [N s], shape (n_rows,), against ``problem``.
+    """Judge how well impulses solve a contact problem.
 
     Args:
         problem: the contact problem.
-        impulses: Λ, shape (n_rows,).
+        impulses: Λ [N s], shape (n_rows,).
         model: the friction model; it affects the residuals, not the other errors. ``Model.ENGINE`` in a captured step
             affects ``residual`` only.
 

@@ -68,7 +68,7 @@ BODY_GROUPS: dict[str, list[str]] = {
 }
 """The problems of the suite ``bodies`` by group, without the prefix ``bodies-``.
 
-Their names differ from those of the groups of hard cases."""
+The group names differ from those of hard cases."""
 
 SEQUENCES = (
     "flow-30",
@@ -157,7 +157,7 @@ def suite_members(name: str) -> list[str]:
 
 
 def problem_names() -> list[str]:
-    """Return the names of all standard problems, of those of plugins, and of those in the cache folder."""
+    """Return the names of the standard problems, of plugin problems, and of problems in the cache folder."""
     cached = {path.name.removesuffix(SUFFIX) for path in cache_folder().glob(f"*{SUFFIX}")}
     known = [*SUITES["all"], *(offer.name for offer in plugin_problems() if not offer.rejection)]
     return [*known, *sorted(cached.difference(known))]

@@ -29,7 +29,7 @@ MAX_ASYMMETRY = 1e-2
 """max |A − Aᵀ| / max |A| up to which "mean" applies; beyond it, the difference is not rounding."""
 
 MAX_NEGATIVE = 1e-6
-"""Largest |negative eigenvalue|, relative to the largest one, to which "project" applies."""
+"""Largest magnitude of a negative eigenvalue, relative to the largest one, that "project" replaces by 0."""
 
 MAX_ROWS = 5000
 """Largest number of rows of a matrix to project, for which all eigenvalues are computed."""

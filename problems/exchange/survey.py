@@ -47,7 +47,7 @@ class Survey:
         friction: smallest and largest μ, 0 without friction.
         rolling_friction: smallest and largest μ_r [m]; ``None`` without rolling friction.
         asymmetry: max |A − Aᵀ| / max |A| of its Delassus or mass matrix, 0 within rounding.
-        conditioning: largest condition number of the block of G of one contact, inf for a singular one.
+        conditioning: largest condition number of the diagonal block of G of a contact, inf if singular.
         guesses: number of stored guesses.
         solution: the judge's residual of the stored impulses; ``None`` if there are none.
         own_solution: residual of these impulses in the engine's own model; ``None`` without such a model.

@@ -113,7 +113,7 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
 
 
 def immovable_joint() -> ContactProblem:
-    """Return a joint between two walls that separate at 1 m/s, with G_ii = 0, and a joint that a body can close."""
+    """Return a joint that a body can close, and one without a solution: its walls separate at 1 m/s, and G_ii = 0."""
     laws = Laws.joints(2)
     return ContactProblem.from_delassus(np.diag([1.0, 0.0]), np.ones(2), laws=laws, answer=Answer(solvable=False))
 

@@ -27,7 +27,7 @@ def tresca_joint() -> ContactProblem:
 
 
 def mixed_laws(copies: int = 1) -> ContactProblem:
-    """Return six contacts of one, two and three rows and a joint, ``copies`` times, with a chosen solution.
+    """Return six contacts of 1 to 3 rows and a joint with dry friction, ``copies`` times, with a chosen solution.
 
     Λ and ξ are chosen to be complementary (open, closed; stick, slip; at the bound a + μΛ_N), and c = ξ − G Λ. G has
     full rank and is nearly diagonal, so the solution is unique.

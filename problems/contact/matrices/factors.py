@@ -33,7 +33,10 @@ class InverseMass:
 
     @staticmethod
     def create(given: Any) -> "InverseMass":
-        """Return a checked, read-only M⁻¹ from its diagonal, or from a matrix, dense or sparse.
+        """Return a checked, read-only M⁻¹.
+
+        Args:
+            given: diagonal of M⁻¹, shape (n_dofs,), or M⁻¹, dense or scipy sparse, shape (n_dofs, n_dofs).
 
         Raises:
             ProblemError: if the shape is wrong, a number is not finite, or M⁻¹ is not symmetric positive definite.
@@ -253,9 +256,9 @@ def _diagonal_pattern(n_dofs: int) -> sp.csr_array[Any]:
     return matrix
 
 
-def _read_square(given: Any, name: str) -> sp.csr_array[Any]:
+def _read_square(values: Any, name: str) -> sp.csr_array[Any]:
     """Return a matrix as ``read_matrix`` does; raise ``ProblemError`` if it is not square."""
-    source = as_matrix(given, name)
+    source = as_matrix(values, name)
     if source.shape[0] != source.shape[1]:
         raise ProblemError(f"{name} must be square, got {source.shape}.")
     matrix: sp.csr_array[Any] = read_matrix(source, name, sp.csr_array)

@@ -197,7 +197,7 @@ def _tridiagonalise(indptr, indices, data, vector, projected):  # type: ignore[n
 
 @njit(cache=True)
 def _has_sound_pairs(indptr, indices, data, root, largest_diagonal, symmetry_tolerance, negative_tolerance):  # type: ignore[no-untyped-def]
-    """Return whether each entry below the diagonal equals the one above it, and neither exceeds √g_ii √g_jj.
+    """Return whether each entry below the diagonal equals its mirror image, and neither exceeds √g_ii √g_jj.
 
     ``ahead`` is the next entry of each row to the right of the diagonal. A false result may be due to stored zeros; the
     caller must check it.

@@ -46,7 +46,7 @@ MAX_GUESSES = 10_000
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """The contents that both forms have.
+    """The contents that local and global problems share.
 
     Attributes:
         dimension: rows of a contact, the normal one first: 2 or 3, with rolling friction 3 or 5.

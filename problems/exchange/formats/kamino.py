@@ -3,7 +3,7 @@
     D, P, v_f, mu, njc, nbc, nl, nc    of ``solver._solver_kamino._problem_fd.data``, each with ``.numpy()``
     bound_lower, bound_upper           of the same, if there are bounded multipliers, shape (nbc,)
     compliance                         of the same, if contacts or limits are compliant; D contains it, see below
-    lambdas, v_plus                    of ``solver._solver_kamino._solver_fd.data.solution``; optional, judged
+    lambdas, v_plus                    of ``solver._solver_kamino._solver_fd.data.solution``; optional, for the judge
 
 D, shape (n, n) or (n·n,), and v_f, shape (n,), are scaled by the diagonal preconditioner P: with G and c in physical
 units, D = P G P and v_f = P c. Dump them before the solve, which adds its penalty to the diagonal of D. The rows

@@ -10,7 +10,7 @@
                                   blocks, shape (n_blocks, k, k), or the whole matrix
 ``dim``                           rows per contact: 1, 2 or 3; by default, inferred from the lengths of ``c`` and ``mu``
 ``normal``                        "first" (default) or "last": position of the normal row among the rows of a contact
-``impulses``                      Λ [N s] of the program that wrote the file, shape (n_rows,); optional, judged
+``impulses``                      Λ [N s] of the program that wrote the file, shape (n_rows,); optional, for the judge
 ``version``                       1; optional
 ================================= ===============================================================================
 """

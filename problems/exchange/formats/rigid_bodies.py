@@ -17,7 +17,7 @@
 ``restitution``          ε, one number or shape (n_contacts,); 0 if left out
 ``distance``             gap [m], negative for penetration, shape (n_contacts,); 0 if left out
 ``tangent``              first tangent, shape (n_contacts, 3); chosen freely if left out
-``impulses``             Λ_N, Λ_T1, Λ_T2 of the engine, on body 2 [N s], shape (n_contacts, 3); optional, judged
+``impulses``             Λ_N, Λ_T1, Λ_T2 of the engine, on body 2 [N s], shape (n_contacts, 3); optional, for the judge
 ``version``              1; optional
 ======================== ==================================================================================
 

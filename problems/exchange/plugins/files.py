@@ -134,7 +134,7 @@ class PluginFile:
 
 
 class _Importer(MetaPathFinder, Loader):
-    """Find plugin files by their module names, also when pickle imports one in another process."""
+    """Import plugin files by module name, also when pickle imports one in another process."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
         return ModuleSpec(name, self, origin=str(_IMPORTABLE[name].path)) if name in _IMPORTABLE else None

@@ -95,12 +95,12 @@ def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
 
 
 def register(file: PluginFile, names: Names | None = None, runs_here: bool = True) -> None:
-    """Register a plugin file in this process without running it; it replaces a registered file of the same path.
+    """Register a plugin file in this process without running it, and replace a registered file of the same path.
 
     Args:
         file: the file.
         names: the names that it offers; if None, the file runs when they are first needed.
-        runs_here: whether this process may run it. If not, its names are known, but cannot be loaded.
+        runs_here: whether this process may run the file; if not, its names are listed but cannot be loaded.
     """
     path = str(file.path)
     previous = _registered.get(path)
