@@ -70,6 +70,7 @@ def read_step(path: Path | str) -> CapturedStep:
 
 
 def _arrays(step: CapturedStep) -> dict[str, Any]:
+    """Return the additional arrays of a step, by name."""
     about = {
         "format": FORMAT,
         "solver": step.solver,

@@ -75,7 +75,7 @@ def rotated(problem: ContactProblem, angles: ArrayLike) -> TransformedProblem:
 
 
 def duplicated(problem: ContactProblem, contact: int) -> TransformedProblem:
-    """Return the problem with a copy of one contact at the end; its old Λ is the sum of those of both copies.
+    """Return the problem with a copy of one contact at the end; the impulses of both add up to the old one.
 
     A fixed bound is split between the copies.
 
@@ -149,14 +149,14 @@ def _in_units_with_rolling(problem: ContactProblem, mass: float, length: float, 
         replace(laws, friction_coefficient=coefficient, fixed_bound=fixed),
         "in other units",
     )
-    answer, kept = problem.answer, scaled.problem.answer
-    if answer is not None and kept is not None:
-        kept = replace(
-            kept,
+    answer, new_answer = problem.answer, scaled.problem.answer
+    if answer is not None and new_answer is not None:
+        new_answer = replace(
+            new_answer,
             impulses=tuple(vector / scale for vector in answer.impulses),
             witness=None if answer.witness is None else answer.witness / scale,
         )
-    converted = _in_units_without_rolling(replace(scaled.problem, answer=kept), mass, length, time)
+    converted = _in_units_without_rolling(replace(scaled.problem, answer=new_answer), mass, length, time)
     return TransformedProblem(
         replace(converted.problem, name=f"{problem.name} in other units"), scaled.back @ converted.back
     )

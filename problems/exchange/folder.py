@@ -67,6 +67,8 @@ class FolderSuite:
 
 @dataclass(frozen=True)
 class _Description:
+    """The entries of ``suite.toml``; ``groups`` is None without the file."""
+
     name: str
     order: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()

@@ -144,8 +144,8 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
 
     Args:
         matrix: A, square.
-        name: its name in messages.
-        how: the remedy. Asymmetry within rounding, 1e-12 of the largest entry, needs none.
+        name: name of the matrix in messages.
+        how: the remedy; asymmetry within rounding, 1e-12 of the largest entry, is ignored.
 
     Raises:
         AsymmetricError: if the asymmetry is larger than the remedy allows.

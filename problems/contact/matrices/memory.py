@@ -25,7 +25,7 @@ _VERSIONS = (
     (r"^0::/(.*)$", "", "memory.max", "memory.current"),
     (r"^\d+:(?:.*,)?memory(?:,.*)?:/(.*)$", "memory", "memory.limit_in_bytes", "memory.usage_in_bytes"),
 )
-"""For versions 2 and 1 of control groups: the line with the group of a process, and the folder and files of groups."""
+"""For versions 2 and 1 of control groups: pattern of the line that names a process's group, folder, and two files."""
 
 _DROPPABLE = ("active_file", "inactive_file", "slab_reclaimable")
 """Entries of ``memory.stat`` for caches, which the system frees on demand."""

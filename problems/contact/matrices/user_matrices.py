@@ -21,7 +21,7 @@ def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
 
     Args:
         given: the matrix, dense or scipy sparse.
-        name: its name in error messages.
+        name: name of the matrix in error messages.
         kind: ``scipy.sparse.csr_array`` or ``scipy.sparse.csc_array``.
 
     Raises:

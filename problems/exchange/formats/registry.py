@@ -15,9 +15,9 @@ class ArrayFormat:
     """One way to write a problem as named arrays, in a .npz or .json file.
 
     Attributes:
-        name: its name on the command line.
-        about: its description in a list.
-        arrays: the names by which its files are recognised, in words.
+        name: name of the format on the command line.
+        about: description of the format in a list.
+        arrays: names of the arrays by which its files are recognised, in words.
         recognises: returns whether the arrays have the names of this format.
         problem_of_arrays: returns the problem of the arrays.
     """

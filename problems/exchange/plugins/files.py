@@ -31,8 +31,8 @@ class PluginFile:
     """One plugin file as it was read.
 
     Attributes:
-        path: its absolute path.
-        content: its bytes.
+        path: absolute path of the file.
+        content: bytes of the file.
     """
 
     path: Path

@@ -31,7 +31,7 @@ Names = Mapping[Kind, Sequence[str]]
 
 
 @dataclass(frozen=True)
-class _Registered:
+class _Registration:
     """A plugin file, its names if known, and whether this process may run it."""
 
     file: PluginFile
@@ -39,7 +39,7 @@ class _Registered:
     runs_here: bool
 
 
-_registered: dict[str, _Registered] = {}
+_registered: dict[str, _Registration] = {}
 """Registered plugin files by path, for this process."""
 
 
@@ -108,7 +108,7 @@ def register(file: PluginFile, names: Names | None = None, runs_here: bool = Tru
         make_importable(file)
     elif names is None:
         names = previous.names
-    _registered[path] = _Registered(file, names, runs_here)
+    _registered[path] = _Registration(file, names, runs_here)
 
 
 def forget(file: PluginFile) -> None:
