@@ -13,7 +13,7 @@ IntArray = NDArray[np.int64]
 
 
 def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
-    """Return ``values`` as an array of real numbers of any type.
+    """Return ``values``, called ``name`` in error messages, as an array of any real type.
 
     Raises:
         ProblemError: if ``values`` are complex numbers, strings or other objects.
@@ -28,7 +28,7 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
 
 
 def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:
-    """Return a contiguous read-only copy of ``values``, called ``name`` in error messages.
+    """Return a contiguous read-only copy of ``values`` of type ``dtype``; error messages call it ``name``.
 
     Raises:
         ProblemError: if ``values`` are not real numbers.

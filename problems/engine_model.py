@@ -63,12 +63,12 @@ class EngineModel:
             if the terms cancel.
         kind: ``EngineSet`` of each set, shape (n_sets,).
         first_row: first row of each set, shape (n_sets,); the sets tile the rows.
-        coefficient: μ_k of each friction row of an elliptic cone, 1 for other rows, shape (n,).
+        coefficient: μ_k of each friction row of a cone, 1 for other rows, shape (n,).
         bound: largest force of a row in an interval [N], 0 for other rows, shape (n,).
         combination: h S with Λ = h S f, shape (n_rows, n) over the rows of the captured problem.
         time_step: h [s].
         back: T, with orthogonal columns, if the rows of the problem differ from the captured ones: Λ = T Λ' with Λ' of
-            the problem.
+            the problem; ``None`` if they are the same.
 
     Raises:
         ProblemError: if shapes do not match, the sets do not tile the rows, or a kind is unknown.
@@ -138,13 +138,13 @@ class EngineModel:
 
     def forces(self, impulses: ArrayLike) -> FloatArray:
         """Return the forces f [N], shape (n,), that belong to Λ [N s], shape (n_rows,); see the module docstring."""
-        given = np.asarray(impulses, dtype=np.float64)
-        captured = given if self.back is None else self.back @ given
-        decoding, found = self._decoding, self._forces_without_impulse.copy()
-        found[decoding.single] = captured[decoding.single_row] / decoding.single_weight
+        vector = np.asarray(impulses, dtype=np.float64)
+        captured = vector if self.back is None else self.back @ vector
+        decoding, result = self._decoding, self._forces_without_impulse.copy()
+        result[decoding.single] = captured[decoding.single_row] / decoding.single_weight
         for pyramids in decoding.pyramids:
-            pyramids.write_forces(captured, found)
-        return found
+            pyramids.write_forces(captured, result)
+        return result
 
     def transformed(self, back: sp.csr_array[Any]) -> "EngineModel | None":
         """Return the model for a problem with Λ = T Λ', or None if T is not square; its columns must be orthogonal."""
@@ -159,13 +159,13 @@ class EngineModel:
 
     def numbers(self) -> dict[str, NDArray[Any]]:
         """Return the numbers that define the model as labelled arrays; ``of_numbers`` reads them."""
-        found: dict[str, NDArray[Any]] = {f"engine.{name}": getattr(self, name) for name in _VECTORS}
-        found["engine.scalars"] = np.array([self.scale, self.time_step])
+        arrays: dict[str, NDArray[Any]] = {f"engine.{name}": getattr(self, name) for name in _VECTORS}
+        arrays["engine.scalars"] = np.array([self.scale, self.time_step])
         for name in _MATRICES:
             matrix = getattr(self, name)
             if matrix is not None:
-                found |= compressed_arrays(f"engine.{name}", matrix)
-        return found
+                arrays |= compressed_arrays(f"engine.{name}", matrix)
+        return arrays
 
     @staticmethod
     def of_numbers(name: str, content: Mapping[str, NDArray[Any]]) -> "EngineModel":
@@ -176,20 +176,22 @@ class EngineModel:
             ValueError: if an array does not match the others.
         """
         scale, time_step = map(float, content["engine.scalars"])
-        vectors: dict[str, Any] = {one: content[f"engine.{one}"] for one in _VECTORS}
-        stored = [one for one in _MATRICES if f"engine.{one}.data" in content]
-        matrices: dict[str, Any] = {one: compressed_matrix(sp.csr_array, content, f"engine.{one}") for one in stored}
+        vectors: dict[str, Any] = {label: content[f"engine.{label}"] for label in _VECTORS}
+        stored = [label for label in _MATRICES if f"engine.{label}.data" in content]
+        matrices: dict[str, Any] = {
+            label: compressed_matrix(sp.csr_array, content, f"engine.{label}") for label in stored
+        }
         return EngineModel(name=name, scale=scale, time_step=time_step, **vectors, **matrices)
 
     def fresh(self) -> "EngineModel":
         """Return an equal model that shares no memory with this one."""
-        return EngineModel(**{one.name: deepcopy(getattr(self, one.name)) for one in fields(self)})
+        return EngineModel(**{item.name: deepcopy(getattr(self, item.name)) for item in fields(self)})
 
     @cached_property
     def _forces_without_impulse(self) -> FloatArray:
         """Solution of each row for A = 0 [N], shape (n,); it is exact for rows that do not move any body."""
-        softness, nothing = self.regularisation, np.zeros(len(self.offset))
-        forces = np.divide(-self.offset, softness, out=nothing, where=softness > 0.0)
+        compliance, zeros = self.regularisation, np.zeros(len(self.offset))
+        forces = np.divide(-self.offset, compliance, out=zeros, where=compliance > 0.0)
         kinds = np.repeat(self.kind, self.row_counts)
         forces = np.where(kinds == EngineSet.INTERVAL, np.clip(forces, -self.bound, self.bound), forces)
         return np.where(kinds >= EngineSet.HALF_LINE, np.maximum(forces, 0.0), forces)
@@ -224,7 +226,7 @@ class _Pyramids:
     def write_forces(self, impulses: FloatArray, forces: FloatArray) -> None:
         """Write the forces of the edges for captured impulses."""
         difference = np.where(self.tangent >= 0, impulses[self.tangent], 0.0) / self.tangent_weight
-        total = _least_sums(impulses[self.normal] / self.normal_weight, np.abs(difference))
+        total = _pair_sums(impulses[self.normal] / self.normal_weight, np.abs(difference))
         forces[self.first] = 0.5 * (total + difference)
         forces[self.first + 1] = 0.5 * (total - difference)
 
@@ -252,10 +254,10 @@ def _decoding_of(combination: sp.csr_array[Any]) -> _Decoding:
     counts, starts = np.diff(columns.indptr), columns.indptr[:-1]
     used = np.flatnonzero(counts > 0)
     row, weight = np.zeros((2, combination.shape[1]), dtype=np.int64), np.ones((2, combination.shape[1]))
-    for place in (0, 1):
-        columns_with = np.flatnonzero(counts > place)
-        row[place, columns_with] = columns.indices[starts[columns_with] + place]
-        weight[place, columns_with] = columns.data[starts[columns_with] + place]
+    for entry in (0, 1):
+        long_columns = np.flatnonzero(counts > entry)
+        row[entry, long_columns] = columns.indices[starts[long_columns] + entry]
+        weight[entry, long_columns] = columns.data[starts[long_columns] + entry]
     row[1, counts < 2] = -1
     is_single = np.diff(combination.indptr)[row[0]] == 1
     single = used[is_single[used]]
@@ -274,25 +276,25 @@ def _decoding_of(combination: sp.csr_array[Any]) -> _Decoding:
     return _Decoding(single, row[0, single], weight[0, single], pyramids)
 
 
-def _least_sums(sums: FloatArray, least: FloatArray) -> FloatArray:
-    """Return s_k = max(least_k, τ) with the given sums, shape (n, k).
+def _pair_sums(sums: FloatArray, minimum: FloatArray) -> FloatArray:
+    """Return s_k = max(minimum_k, τ), shape (n, k), with τ such that Σ s_k is the given sum, shape (n,).
 
-    If Σ least_k exceeds a sum, the same number is subtracted from each of its least_k.
+    If Σ minimum_k exceeds the sum, s_k is minimum_k minus the same number for all k.
     """
-    count = least.shape[1]
-    falling = -np.sort(-least, axis=1)
-    larger = np.cumsum(falling, axis=1) - falling
-    levels = (sums[:, None] - larger) / (count - np.arange(count))
-    fits = levels >= falling
+    count = minimum.shape[1]
+    descending = -np.sort(-minimum, axis=1)
+    sum_of_larger = np.cumsum(descending, axis=1) - descending
+    levels = (sums[:, None] - sum_of_larger) / (count - np.arange(count))
+    fits = levels >= descending
     level = np.take_along_axis(levels, fits.argmax(axis=1)[:, None], axis=1)
-    missing = (sums - least.sum(axis=1))[:, None] / count
-    found: FloatArray = np.where(fits.any(axis=1)[:, None], np.maximum(least, level), least + missing)
-    return found
+    correction = (sums - minimum.sum(axis=1))[:, None] / count
+    result: FloatArray = np.where(fits.any(axis=1)[:, None], np.maximum(minimum, level), minimum + correction)
+    return result
 
 
-def _canonical(given: sp.csr_array[Any]) -> sp.csr_array[Any]:
+def _canonical(source: sp.csr_array[Any]) -> sp.csr_array[Any]:
     """Return a read-only copy with sorted indices."""
-    matrix = sp.csr_array(given, copy=True)
+    matrix = sp.csr_array(source, copy=True)
     matrix.sum_duplicates()
     read_only(matrix.data, matrix.indices, matrix.indptr)
     return matrix
@@ -305,7 +307,14 @@ def _pseudoinverse(back: sp.csr_array[Any]) -> sp.csr_array[Any]:
 
 @dataclass(frozen=True, eq=False)
 class _Sets:
-    """The sets of a model in arrays over rows and over sets."""
+    """The sets of a model, as arrays.
+
+    Attributes:
+        of_row: set of each row, shape (n,).
+        kind_of_row: ``EngineSet`` of each row, shape (n,).
+        is_tangent: whether a row is a friction row of a cone, shape (n,).
+        alpha: largest entry of ``EngineModel.diagonal`` of each set [1/kg], shape (n_sets,).
+    """
 
     of_row: IntArray
     kind_of_row: NDArray[np.int8]
@@ -335,44 +344,47 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
         model: the engine's model.
         forces: f [N], shape (n,).
 
+    Returns:
+        The residual; inf if a force is not finite.
+
     Raises:
         ProblemError: if the forces have the wrong shape.
     """
-    found = np.asarray(forces, dtype=np.float64)
-    if found.shape != model.offset.shape:
-        raise ProblemError(f"forces must have shape {model.offset.shape}, one entry per row; got {found.shape}.")
-    if not np.isfinite(found).all():
+    f = np.asarray(forces, dtype=np.float64)
+    if f.shape != model.offset.shape:
+        raise ProblemError(f"forces must have shape {model.offset.shape}, one entry per row; got {f.shape}.")
+    if not np.isfinite(f).all():
         return np.inf
-    if not len(found):
+    if not len(f):
         return 0.0
     sets = model._sets
-    force, slope = found / model.coefficient, model.gradient(found) * model.coefficient
+    force, slope = f / model.coefficient, model.gradient(f) * model.coefficient
     follows_coulomb = model.kind == EngineSet.COULOMB_CONE
     sliding = np.sqrt(np.add.reduceat(np.where(sets.is_tangent, slope, 0.0) ** 2, model.first_row))
     slope[model.first_row[follows_coulomb]] += sliding[follows_coulomb]
     alpha = sets.alpha[sets.of_row]
     point = force - np.divide(slope, alpha, out=np.zeros_like(slope), where=alpha > 0.0)
-    moved = _projection(model, sets, point)
-    violation = np.where(alpha > 0.0, alpha * (force - moved), slope)
+    projected = _projection(model, sets, point)
+    violation = np.where(alpha > 0.0, alpha * (force - projected), slope)
     worst = float(np.sqrt(np.add.reduceat(violation**2, model.first_row).max()))
     return worst / model.scale if model.scale else (np.inf if worst else 0.0)
 
 
 def own_residual(model: EngineModel, impulses: ArrayLike) -> float:
     """Return the residual of ``judge_own_model`` for impulses Λ [N s], shape (n_rows,) over the rows of the problem."""
-    given = np.asarray(impulses, dtype=np.float64)
-    return judge_own_model(model, model.forces(given)) if np.isfinite(given).all() else np.inf
+    vector = np.asarray(impulses, dtype=np.float64)
+    return judge_own_model(model, model.forces(vector)) if np.isfinite(vector).all() else np.inf
 
 
 def _projection(model: EngineModel, sets: _Sets, point: FloatArray) -> FloatArray:
     """Return the nearest point of the sets; rows are scaled so that cones are circular."""
     kinds, first = sets.kind_of_row, model.first_row
-    moved = np.where(kinds == EngineSet.INTERVAL, np.clip(point, -model.bound, model.bound), point)
-    moved = np.where(kinds == EngineSet.HALF_LINE, np.maximum(point, 0.0), moved)
+    nearest = np.where(kinds == EngineSet.INTERVAL, np.clip(point, -model.bound, model.bound), point)
+    nearest = np.where(kinds == EngineSet.HALF_LINE, np.maximum(point, 0.0), nearest)
     normal = point[first]
     radius = np.sqrt(np.add.reduceat(np.where(sets.is_tangent, point, 0.0) ** 2, first))
     height = np.where(radius <= -normal, 0.0, 0.5 * (normal + radius))
     is_outside = (model.kind >= EngineSet.ELLIPTIC_CONE) & (radius > normal)
     shrink = np.divide(height, radius, out=np.zeros_like(height), where=radius > 0.0)
     projected = np.where(sets.is_tangent, point * shrink[sets.of_row], height[sets.of_row])
-    return np.where(is_outside[sets.of_row], projected, moved)
+    return np.where(is_outside[sets.of_row], projected, nearest)

@@ -28,7 +28,7 @@ class InsufficientMemoryError(ProxbenchError, MemoryError):
 
 
 class PluginError(ProxbenchError, ValueError):
-    """A plugin is missing, fails to import, uses a name that is taken, or breaks its contract."""
+    """A plugin is missing, fails to import, offers a name in use, or breaks its contract."""
 
 
 MAX_NAMES = 12
@@ -38,7 +38,7 @@ MIN_SIMILARITY = 0.7
 """Smallest similarity by difflib for a name to be suggested; 'nope' and 'hopper' have 0.6."""
 
 MIN_SIMILARITY_OF_SAME_INITIAL = 0.6
-"""Smallest similarity for a name to be suggested if it begins with the first letter of the name given."""
+"""Smallest similarity for a name to be suggested if it begins with the first letter of the unknown name."""
 
 LIST_PROBLEMS_COMMAND = "proxbench list problems --suite all"
 """The command that lists all problems."""
@@ -47,11 +47,11 @@ LIST_PROBLEMS_COMMAND = "proxbench list problems --suite all"
 def suggestion(name: str, known: Iterable[str], listed_by: str = "") -> str:
     """Return a clause that suggests a valid name, to be appended to an error message.
 
-    It is ``"; did you mean 'X'?"`` for the known name most similar to ``name``. Otherwise it lists the known names if
-    there are few, or states their number.
+    The clause is ``"; did you mean 'X'?"`` for the known name most similar to ``name``. If none is similar, it lists
+    the known names if there are few, or states their number.
 
     Args:
-        name: the name given.
+        name: the unknown name.
         known: the valid names.
         listed_by: the command that lists the valid names if there are many.
     """
@@ -76,8 +76,8 @@ def _nearest(name: str, known: Iterable[str]) -> str | None:
 
 def error_text(failure: BaseException) -> str:
     """Return the text of an error on one line, without the final full stop."""
-    what = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
-    return " ".join(what.split()).rstrip(".")
+    text = str(failure) if isinstance(failure, ProxbenchError) else f"{type(failure).__name__}: {failure}"
+    return " ".join(text.split()).rstrip(".")
 
 
 def first_line(failure: BaseException) -> str:
@@ -94,7 +94,7 @@ _FRAMEWORK = tuple(Path(__file__).parents[1] / package for package in ("problems
 def raised_at(failure: BaseException) -> str:
     """Return ``" (line 18 of wrapped.py)"`` for the deepest line of the author's files in a traceback.
 
-    It is empty if the traceback has only lines of libraries and Proxbench.
+    The result is empty if the traceback has only lines of libraries and Proxbench.
     """
     for frame, line in reversed(list(traceback.walk_tb(failure.__traceback__))):
         file = Path(frame.f_code.co_filename)

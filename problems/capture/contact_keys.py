@@ -18,7 +18,7 @@ NO_ANCHORS = np.zeros((0, 2, 3))
 def distinct_keys(
     keys: Sequence[str], anchors: FloatArray, known: Sequence[str] = (), known_anchors: FloatArray = NO_ANCHORS
 ) -> tuple[str, ...]:
-    """Return the keys of a step; a key has a number unless it is the first one of its pair.
+    """Return a distinct key for each contact of a step; the number 0 is omitted.
 
     Args:
         keys: key of the pair of each contact.
@@ -26,27 +26,27 @@ def distinct_keys(
         known: distinct keys of the previous step.
         known_anchors: points of the contacts of the previous step [m], shape (len(known), 2, 3).
     """
-    found = [""] * len(keys)
-    before: dict[str, list[int]] = {}
+    names = [""] * len(keys)
+    known_of_pair: dict[str, list[int]] = {}
     for index, key in enumerate(known):
-        before.setdefault(pair_of(key), []).append(index)
+        known_of_pair.setdefault(pair_of(key), []).append(index)
     for key in dict.fromkeys(keys):
-        now = [index for index, other in enumerate(keys) if other == key]
-        old = before.get(key, [])
-        gaps = np.linalg.norm(anchors[now][:, None] - known_anchors[old][None], axis=-1).min(axis=-1)
+        contacts = [index for index, other in enumerate(keys) if other == key]
+        candidates = known_of_pair.get(key, [])
+        gaps = np.linalg.norm(anchors[contacts][:, None] - known_anchors[candidates][None], axis=-1).min(axis=-1)
         for flat in np.argsort(gaps, axis=None, kind="stable"):
             row, column = np.unravel_index(flat, gaps.shape)
-            name = known[old[column]]
-            if not found[now[row]] and name not in found:
-                found[now[row]] = name
-        free = (name for number in range(len(now)) if (name := _numbered(key, number)) not in found)
-        for index in now:
-            found[index] = found[index] or next(free)
-    return tuple(found)
+            name = known[candidates[column]]
+            if not names[contacts[row]] and name not in names:
+                names[contacts[row]] = name
+        free = (name for number in range(len(contacts)) if (name := _numbered(key, number)) not in names)
+        for index in contacts:
+            names[index] = names[index] or next(free)
+    return tuple(names)
 
 
 def pair_of(key: str) -> str:
-    """Return a key without its number."""
+    """Return the pair that a key names: the key without its number."""
     return key.rpartition(" #")[0] or key
 
 

@@ -42,7 +42,7 @@ def read_step(path: Path | str) -> CapturedStep:
     """Read a captured step.
 
     Raises:
-        ProblemError: if the file is not from ``save_step``, or is damaged.
+        ProblemError: if the file contains no captured step or one of another format, or is damaged.
     """
     path = Path(path)
     problem = read_problem(path)
@@ -50,18 +50,18 @@ def read_step(path: Path | str) -> CapturedStep:
         content = read_arrays(path)
     except ArchiveError as error:
         raise ProblemError(f"{path} is damaged: {error}; capture it again.") from None
-    found = {key.removeprefix(_PREFIX): value for key, value in content.items() if key.startswith(_PREFIX)}
-    if "about" not in found:
+    arrays = {key.removeprefix(_PREFIX): value for key, value in content.items() if key.startswith(_PREFIX)}
+    if "about" not in arrays:
         raise ProblemError(f"{path} contains a problem but no captured step; create one with proxbench capture.")
     try:
-        about = json.loads(found["about"].tobytes().decode())
+        about = json.loads(arrays["about"].tobytes().decode())
         if about["format"] != FORMAT:
             raise ProblemError(f"{path} has captured data of format {about['format']}, not {FORMAT}; capture it again.")
-        refused = tuple(RefusedRow(**one) for one in about["refused"])
-        if problem.engine is None or found["forces"].shape != problem.engine.offset.shape:
+        refused = tuple(RefusedRow(**row) for row in about["refused"])
+        if problem.engine is None or arrays["forces"].shape != problem.engine.offset.shape:
             raise ValueError("the forces are not those of the rows of the engine")
         return CapturedStep(
-            problem, found["forces"], str(about["solver"]), int(about["iterations"]), found["anchors"], refused
+            problem, arrays["forces"], str(about["solver"]), int(about["iterations"]), arrays["anchors"], refused
         )
     except ProblemError:
         raise
@@ -70,11 +70,12 @@ def read_step(path: Path | str) -> CapturedStep:
 
 
 def _arrays(step: CapturedStep) -> dict[str, Any]:
+    """Return the additional arrays of a step, by name."""
     about = {
         "format": FORMAT,
         "solver": step.solver,
         "iterations": step.iterations,
-        "refused": [asdict(one) for one in step.refused],
+        "refused": [asdict(row) for row in step.refused],
     }
     text = np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8)
     arrays = {"about": text, "forces": step.forces, "anchors": step.anchors}

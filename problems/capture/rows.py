@@ -82,21 +82,22 @@ class CapturedRows:
 
 @dataclass
 class _Row:
-    """One row of a problem, as coefficients of rows of the engine."""
+    """One row of a problem, as coefficients of engine rows by index, and its surface velocity [m/s]."""
 
     velocity: dict[int, float]
     force: dict[int, float]
     surface: float = 0.0
 
     def scaled(self, factor: float) -> "_Row":
+        """Return the row with its velocity multiplied and its force divided by ``factor``."""
         velocity = {row: factor * value for row, value in self.velocity.items()}
         force = {row: value / factor for row, value in self.force.items()}
         return _Row(velocity, force, factor * self.surface)
 
 
 @dataclass
-class _Collected:
-    """Laws and rows, collected in order."""
+class _RowCollector:
+    """The laws, rows and keys collected so far, in order."""
 
     kind: list[LawKind] = field(default_factory=list)
     friction: list[float] = field(default_factory=list)
@@ -107,9 +108,10 @@ class _Collected:
     anchors: list[FloatArray] = field(default_factory=list)
     refused: list[RefusedRow] = field(default_factory=list)
 
-    def law(
+    def add_law(
         self, kind: LawKind, rows: Sequence[_Row], friction: float = 0.0, bound: float = 0.0, partner: int = -1
     ) -> int:
+        """Add a law with its rows, and return its index."""
         self.kind.append(kind)
         self.friction.append(friction)
         self.bound.append(bound)
@@ -117,7 +119,8 @@ class _Collected:
         self.rows.extend(rows)
         return len(self.kind) - 1
 
-    def name(self, key: str, anchors: FloatArray | None = None) -> None:
+    def add_key(self, key: str, anchors: FloatArray | None = None) -> None:
+        """Add the key of a contact or a single law; ``anchors`` are 0 if None."""
         self.keys.append(key)
         self.anchors.append(np.zeros((2, 3)) if anchors is None else anchors)
 
@@ -127,7 +130,7 @@ def captured_rows(model: Any, data: Any, jacobian: sp.csr_array[Any]) -> Capture
 
     Args:
         model: MuJoCo's model.
-        data: its data, after a step.
+        data: MuJoCo's data, after a step.
         jacobian: J, shape (n_engine_rows, n_dofs).
     """
     types = mujoco().mjtConstraint
@@ -138,20 +141,24 @@ def captured_rows(model: Any, data: Any, jacobian: sp.csr_array[Any]) -> Capture
             contact = data.contact[int(data.efc_id[row])]
             group = _frame_rows(contact, row, kind == types.mjCNSTR_CONTACT_PYRAMIDAL)
         groups.append((row, group))
-        row += len({one for part in group for one in part.force})
-    norms = _norms([one for _, group in groups for one in group], jacobian)
-    found, end = _Collected(), 0
+        row += len({engine_row for part in group for engine_row in part.force})
+    norms = _norms([part for _, group in groups for part in group], jacobian)
+    collector, end = _RowCollector(), 0
     for row, group in groups:
         start, end = end, end + len(group)
         if len(group) > 1 or int(data.efc_type[row]) == types.mjCNSTR_CONTACT_FRICTIONLESS:
-            _add_contact_rows(found, model, data, data.contact[int(data.efc_id[row])], group, norms[start:end])
+            _add_contact_rows(collector, model, data, data.contact[int(data.efc_id[row])], group, norms[start:end])
         else:
-            _add_single_row(found, model, data, row, float(norms[start]))
-    return _rows_of(found, int(data.nefc))
+            _add_single_row(collector, model, data, row, float(norms[start]))
+    return _captured(collector, int(data.nefc))
 
 
 def engine_sets(data: Any) -> tuple[list[int], list[int], FloatArray]:
-    """Return the kind and the first row of each set of MuJoCo's own model, and the coefficient of each row."""
+    """Return the sets of MuJoCo's own model.
+
+    Returns:
+        ``EngineSet`` and first row of each set, and the coefficient of each row, shape (n_engine_rows,).
+    """
     types = mujoco().mjtConstraint
     kinds, firsts, coefficient, row = [], [], np.ones(data.nefc), 0
     while row < data.nefc:
@@ -173,34 +180,36 @@ def engine_sets(data: Any) -> tuple[list[int], list[int], FloatArray]:
     return kinds, firsts, coefficient
 
 
-def _add_single_row(found: _Collected, model: Any, data: Any, row: int, norm: float) -> None:
+def _add_single_row(collector: _RowCollector, model: Any, data: Any, row: int, norm: float) -> None:
     """Add a row that is not part of a contact."""
     module = mujoco()
     types, objects = module.mjtConstraint, module.mjtObj
     kind, index = int(data.efc_type[row]), int(data.efc_id[row])
-    known = {
+    supported = {
         int(types.mjCNSTR_EQUALITY): ("equality", objects.mjOBJ_EQUALITY, LawKind.BILATERAL),
         int(types.mjCNSTR_FRICTION_DOF): ("friction of joint", objects.mjOBJ_JOINT, LawKind.PLANAR_FRICTION),
         int(types.mjCNSTR_FRICTION_TENDON): ("friction of tendon", objects.mjOBJ_TENDON, LawKind.PLANAR_FRICTION),
         int(types.mjCNSTR_LIMIT_JOINT): ("limit of joint", objects.mjOBJ_JOINT, LawKind.UNILATERAL),
         int(types.mjCNSTR_LIMIT_TENDON): ("limit of tendon", objects.mjOBJ_TENDON, LawKind.UNILATERAL),
     }
-    if kind not in known:
-        found.refused.append(RefusedRow(row, f"row {row}", f"its type {kind} is not known; remove it from the model"))
+    if kind not in supported:
+        collector.refused.append(
+            RefusedRow(row, f"row {row}", f"its type {kind} is not known; remove it from the model")
+        )
         return
-    label, object_kind, law = known[kind]
+    label, object_kind, law = supported[kind]
     index = int(model.dof_jntid[index]) if kind == types.mjCNSTR_FRICTION_DOF else index
     key = f"{label} {_name(model, object_kind, index)}"
     if norm == 0.0:
-        found.refused.append(RefusedRow(row, key, IMMOBILE))
+        collector.refused.append(RefusedRow(row, key, IMMOBILE))
         return
     bound = model.opt.timestep * float(data.efc_frictionloss[row]) if law == LawKind.PLANAR_FRICTION else 0.0
-    found.law(law, [_Row({row: 1.0}, {row: 1.0})], bound=bound)
-    found.name(key)
+    collector.add_law(law, [_Row({row: 1.0}, {row: 1.0})], bound=bound)
+    collector.add_key(key)
 
 
 def _frame_rows(contact: Any, first: int, is_pyramid: bool) -> list[_Row]:
-    """Return the rows of a contact's frame: the normal, two tangents, spin, two axes of rolling."""
+    """Return the first ``condim`` rows of a contact's frame: normal, two tangents, spin, two rolling axes."""
     dim = int(contact.dim)
     surface = [0.0, *contact.surfacevel, 0.0, 0.0]
     if not is_pyramid:
@@ -215,25 +224,25 @@ def _frame_rows(contact: Any, first: int, is_pyramid: bool) -> list[_Row]:
 
 
 def _add_contact_rows(
-    found: _Collected, model: Any, data: Any, contact: Any, frame: list[_Row], norms: FloatArray
+    collector: _RowCollector, model: Any, data: Any, contact: Any, frame: list[_Row], norms: FloatArray
 ) -> None:
     """Add the normal row of a contact, and its nonzero friction rows."""
     names = [_geometry(model, contact, side) for side in (0, 1)]
-    normal = found.law(LawKind.UNILATERAL, frame[:1])
-    found.name(" | ".join(names), np.array([_anchor(data, contact, side) for side in (0, 1)]))
+    normal = collector.add_law(LawKind.UNILATERAL, frame[:1])
+    collector.add_key(" | ".join(names), np.array([_anchor(data, contact, side) for side in (0, 1)]))
     friction = [0.0, *map(float, contact.friction)]
     for indices, kinds in (((1, 2), _SLIDING), ((3, 4, 5), _ROLLING)):
         kept = [k for k in indices if k < len(frame) and norms[k] > EMPTY * norms.max()]
         if kept:
             first = friction[kept[0]]
             rows = [frame[k].scaled(friction[k] / first) for k in kept]
-            found.law(kinds[len(kept) - 1], rows, friction=first, partner=normal)
+            collector.add_law(kinds[len(kept) - 1], rows, friction=first, partner=normal)
 
 
 def _norms(rows: Sequence[_Row], jacobian: sp.csr_array[Any]) -> FloatArray:
-    """Return the norm of each row of a problem, shape (len(rows),)."""
-    found = _coefficients([one.velocity for one in rows], jacobian.shape[0]) @ jacobian
-    norms: FloatArray = np.sqrt(found.multiply(found).sum(axis=1))
+    """Return the norm of the Jacobian of each row of a problem, shape (len(rows),)."""
+    products = _coefficients([row.velocity for row in rows], jacobian.shape[0]) @ jacobian
+    norms: FloatArray = np.sqrt(products.multiply(products).sum(axis=1))
     return norms
 
 
@@ -247,6 +256,7 @@ def _anchor(data: Any, contact: Any, side: int) -> FloatArray:
 
 
 def _geometry(model: Any, contact: Any, side: int) -> str:
+    """Return the name of the geometry, or the part of the deformable body, on one side of a contact."""
     index = int(contact.geom[side])
     if index >= 0:
         return _name(model, mujoco().mjtObj.mjOBJ_GEOM, index, "geom ")
@@ -255,25 +265,26 @@ def _geometry(model: Any, contact: Any, side: int) -> str:
 
 
 def _name(model: Any, kind: Any, index: int, prefix: str = "") -> str:
-    """Return the name of an object of a model, or its number."""
+    """Return the name of an object of a model, or ``prefix`` and its index if it has none."""
     return mujoco().mj_id2name(model, kind, index) or f"{prefix}{index}"
 
 
-def _rows_of(found: _Collected, n_engine_rows: int) -> CapturedRows:
+def _captured(collector: _RowCollector, n_engine_rows: int) -> CapturedRows:
+    """Return the collected rows as arrays."""
     laws = Laws.in_order(
-        np.array(found.kind, dtype=np.int8),
-        np.array(found.friction),
-        np.array(found.bound),
-        np.array(found.partner, dtype=np.int64),
+        np.array(collector.kind, dtype=np.int8),
+        np.array(collector.friction),
+        np.array(collector.bound),
+        np.array(collector.partner, dtype=np.int64),
     )
     return CapturedRows(
         laws,
-        _coefficients([one.velocity for one in found.rows], n_engine_rows),
-        _coefficients([one.force for one in found.rows], n_engine_rows),
-        surface_velocity=np.array([one.surface for one in found.rows]),
-        keys=tuple(found.keys),
-        anchors=np.array(found.anchors, dtype=np.float64).reshape(-1, 2, 3),
-        refused=tuple(found.refused),
+        _coefficients([row.velocity for row in collector.rows], n_engine_rows),
+        _coefficients([row.force for row in collector.rows], n_engine_rows),
+        surface_velocity=np.array([row.surface for row in collector.rows]),
+        keys=tuple(collector.keys),
+        anchors=np.array(collector.anchors, dtype=np.float64).reshape(-1, 2, 3),
+        refused=tuple(collector.refused),
     )
 
 

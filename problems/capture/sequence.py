@@ -1,4 +1,4 @@
-"""Simulation by MuJoCo; every n-th step is written as a problem file of one suite."""
+"""Simulation with MuJoCo that writes every n-th step as a problem file of one suite."""
 
 import json
 import math
@@ -70,7 +70,7 @@ class CaptureSummary:
         laws: number of laws of the largest problem.
         engine_rows: number of engine rows in all examined steps.
         velocity_error: largest error of the velocity after a captured step, relative to its largest term.
-        refused_rows: the refused rows of each examined step that has any, by the number of the step.
+        refused_rows: the refused rows by step number, for the examined steps that have any.
         error: why the capture ended early; empty if it did not.
     """
 
@@ -113,7 +113,7 @@ def capture(
 
     Args:
         file: an MJCF or URDF file, or a compiled model (.mjb).
-        output: the folder.
+        output: the folder of the problem files; created if it does not exist.
         options: options of the simulation and the capture.
         force: replace the existing steps of this model in the folder.
         on_step: called with each captured step after it is written.
@@ -125,10 +125,10 @@ def capture(
         ProblemError: if the folder has steps of this model and ``force`` is False, the model or its keyframe cannot be
             read, the first step cannot be captured, or no step has a supported row.
     """
-    model, taken = _read_model(file), _steps_of(output, file.stem)
-    if taken and not force:
+    model, old_files = _read_model(file), _captured_files(output, file.stem)
+    if old_files and not force:
         raise ProblemError(
-            f"{output} already contains {counted(len(taken), 'step')} of {file.stem}; choose another `output`, or "
+            f"{output} already contains {counted(len(old_files), 'step')} of {file.stem}; choose another `output`, or "
             f"replace them with `force=True`."
         )
     data = _initial_data(model, file, options.keyframe)
@@ -139,8 +139,8 @@ def capture(
             if isinstance(step, EmptyStepError):
                 continue
             if not summary.files:
-                for old in taken:
-                    old.unlink()
+                for old_file in old_files:
+                    old_file.unlink()
                 _describe(output, file.stem)
             path = output / f"{step.problem.name}.npz"
             save_step(step, path)
@@ -177,33 +177,33 @@ def captured_steps(
     """
     rng = None if options.seed is None else np.random.default_rng(options.seed)
     n_steps = max(1, round(options.duration / model.opt.timestep))
-    hold = max(1, round(CONTROL_SECONDS / model.opt.timestep))
-    before: CapturedStep | None = None
+    steps_per_control = max(1, round(CONTROL_SECONDS / model.opt.timestep))
+    previous: CapturedStep | None = None
     for number in range(n_steps):
-        if rng is not None and number % hold == 0:
+        if rng is not None and number % steps_per_control == 0:
             data.ctrl[:] = _random_controls(model, rng)
         if number % options.every == 0:
             try:
-                before = _named(captured_step(model, data), before, stem, number)
-                yield before
+                previous = _named(captured_step(model, data), previous, stem, number)
+                yield previous
             except EmptyStepError as error:
                 yield error
         take_step(model, data)
 
 
-def _named(step: CapturedStep, before: CapturedStep | None, stem: str, number: int) -> CapturedStep:
-    """Return a step with its name and place in the sequence, and keys that continue those of the step before."""
-    known = ((), NO_ANCHORS) if before is None else (before.keys, before.anchors)
-    keys = distinct_keys([pair_of(key) for key in step.keys], step.anchors, *known)
+def _named(step: CapturedStep, previous: CapturedStep | None, stem: str, number: int) -> CapturedStep:
+    """Return a step with its name and place in the sequence, and keys that continue those of the previous one."""
+    previous_keys = ((), NO_ANCHORS) if previous is None else (previous.keys, previous.anchors)
+    keys = distinct_keys([pair_of(key) for key in step.keys], step.anchors, *previous_keys)
     name = f"{stem}-{number:0{STEP_DIGITS}d}"
-    follows = before is not None and before.problem.provenance[STEP] == number - 1
-    last = {BEFORE: before.problem.name} if before is not None and follows else {}
-    problem = step.problem.keyed(keys).renamed(name, family=stem, sequence=stem, **{STEP: number}, **last)
+    is_adjacent = previous is not None and previous.problem.provenance[STEP] == number - 1
+    link = {BEFORE: previous.problem.name} if previous is not None and is_adjacent else {}
+    problem = step.problem.keyed(keys).renamed(name, family=stem, sequence=stem, **{STEP: number}, **link)
     return replace(step, problem=problem)
 
 
 def _random_controls(model: Any, rng: np.random.Generator) -> Any:
-    """Return controls drawn uniformly from their ranges, or from [-1, 1] without limits, shape (nu,)."""
+    """Return controls drawn uniformly from their ranges, or from [-1, 1] for actuators without limits, shape (nu,)."""
     limited = model.actuator_ctrllimited.astype(bool)
     low = np.where(limited, model.actuator_ctrlrange[:, 0], -1.0)
     high = np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)
@@ -234,7 +234,7 @@ def _initial_data(model: Any, file: Path, keyframe: str) -> Any:
     return data
 
 
-def _steps_of(output: Path, stem: str = "") -> list[Path]:
+def _captured_files(output: Path, stem: str = "") -> list[Path]:
     """Return the files of earlier captures of a model, or of all models if ``stem`` is empty."""
     return sorted(output.glob(f"{escape(stem) or '*'}-{'[0-9]' * STEP_DIGITS}.npz"))
 
@@ -244,7 +244,7 @@ def _describe(output: Path, stem: str) -> None:
     file = output / DESCRIPTION
     if file.exists() and not file.read_text(encoding="utf-8", errors="replace").startswith(HEADING):
         return
-    stems = {path.stem[: -STEP_DIGITS - 1] for path in _steps_of(output)} | {stem}
+    stems = {path.stem[: -STEP_DIGITS - 1] for path in _captured_files(output)} | {stem}
     lines = [HEADING, f"name = {json.dumps(output.resolve().name)}", "[groups]"]
-    lines += [f"{json.dumps(one)} = [{json.dumps(f'{escape(one)}-*')}]" for one in sorted(stems, reverse=True)]
+    lines += [f"{json.dumps(name)} = [{json.dumps(f'{escape(name)}-*')}]" for name in sorted(stems, reverse=True)]
     write_whole(file, ("\n".join(lines) + "\n").encode())

@@ -1,4 +1,4 @@
-"""One step of MuJoCo as a contact problem, with MuJoCo's forces and the model that it solves.
+"""One step of MuJoCo as a contact problem, with MuJoCo's forces and the model that MuJoCo solves.
 
 With time step h and constraint Jacobian J, MuJoCo computes the forces f of the constraint rows in the state before the
 step. The step then ends with
@@ -7,8 +7,8 @@ step. The step then ends with
 
 with u* = u + h M̂⁻¹ f_smooth, the velocity without constraints. M̂ is the mass matrix of the integrator, with damping D
 and stiffness K: M + hD (Euler), M − h ∂f_smooth/∂u (implicitfast), M + hD + h²K (discrete, where u* = u + h q̈_smooth).
-MuJoCo stores its factor in ``qH``. A step that does not end with this velocity is not captured, because it is not a
-step of this problem.
+MuJoCo stores the factor of M̂ in ``qH``. A step that does not end with this velocity is not captured, because this
+problem does not describe it.
 
 The impulses of refused rows, as MuJoCo computed them, are part of the free velocity.
 """
@@ -64,7 +64,7 @@ class CapturedStep:
 
     Attributes:
         problem: the step under Coulomb's law, with the model that the engine solved.
-        forces: f that the engine found [N], shape (n_engine_rows,).
+        forces: f as computed by the engine [N], shape (n_engine_rows,).
         solver: name of the engine's solver.
         iterations: iterations of that solver.
         anchors: point of each contact in the frames of its geometries [m], 0 for single laws, shape (len(keys), 2, 3).
@@ -127,7 +127,12 @@ def from_mujoco(model: Any, data: Any, name: str = "") -> ContactProblem:
 
 
 def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
-    """Return the same problem as ``from_mujoco``, with MuJoCo's own model and forces."""
+    """Return the same problem as ``from_mujoco``, with MuJoCo's own model and forces.
+
+    Raises:
+        EmptyStepError: if the step has no supported row.
+        ProblemError: as ``from_mujoco``.
+    """
     module = mujoco()
     model, data = getattr(model, "ptr", model), getattr(data, "ptr", data)
     _require_supported_options(module, model)
@@ -169,8 +174,8 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
     engine = _engine_model(module, after, own_mass, jacobian, sp.csr_array(step * rows.force), step)
     problem = replace(problem, keys=distinct_keys(rows.keys, rows.anchors), engine=engine)
     solver = module.mjtSolver(model.opt.solver).name.removeprefix("mjSOL_")
-    named = f"{solver} and noslip" if model.opt.noslip_iterations else solver
-    return CapturedStep(problem, force, named, int(after.solver_niter.sum()), rows.anchors, rows.refused)
+    solver_name = f"{solver} and noslip" if model.opt.noslip_iterations else solver
+    return CapturedStep(problem, force, solver_name, int(after.solver_niter.sum()), rows.anchors, rows.refused)
 
 
 def take_step(model: Any, data: Any) -> None:
@@ -225,7 +230,7 @@ def _jacobian(module: Any, model: Any, data: Any) -> sp.csr_array[Any]:
 
 
 def _tree_matrix(model: Any, values: FloatArray) -> sp.csr_array[Any]:
-    """Return a lower triangle that MuJoCo stores in the pattern of M."""
+    """Return the lower triangle whose entries MuJoCo stores in the pattern of M, shape (n_dofs, n_dofs)."""
     starts = np.append(model.M_rowadr, model.M_rowadr[-1] + model.M_rownnz[-1])
     return sp.csr_array((values.copy(), model.M_colind.copy(), starts), shape=(model.nv, model.nv))
 
@@ -242,14 +247,14 @@ def _effective_mass(model: Any, factor: FloatArray) -> InverseMass:
 def _unbalanced(inverse: InverseMass, data: Any, total: FloatArray) -> FloatArray:
     """Return M (q̈ − q̈_smooth) − Jᵀ f [N], shape (n_dofs,)."""
     assert inverse.mass is not None
-    missing: FloatArray = inverse.mass @ (data.qacc - data.qacc_smooth) - total
-    return missing
+    unbalanced: FloatArray = inverse.mass @ (data.qacc - data.qacc_smooth) - total
+    return unbalanced
 
 
 def _velocity_error(expected: FloatArray, after: FloatArray, before: FloatArray, free: FloatArray) -> float:
     """Return the error of the velocity after a step, relative to its largest term; NaN if a velocity is not finite.
 
-    The velocity without constraints is one of the terms, because it is by far the largest if bodies are at rest.
+    The velocity without constraints is a term, because it is by far the largest one if bodies are at rest.
     """
     scale = np.abs([before, free, expected, after]).max()
     return float(np.abs(after - expected).max() / scale) if scale else 0.0
@@ -275,8 +280,8 @@ def _problem(
     jacobian, inverse, free, impulse = parts
     directions = sp.csc_array((rows.velocity @ jacobian).T)
     if rows.refused:
-        left_out = [one.row for one in rows.refused]
-        free = free + inverse.times(jacobian[left_out].T @ impulse[left_out])
+        refused = [row.row for row in rows.refused]
+        free = free + inverse.times(jacobian[refused].T @ impulse[refused])
     velocity = directions.T @ free + rows.surface_velocity
     provenance: dict[str, str | int | float] = {
         "engine": f"MuJoCo {module.__version__}",

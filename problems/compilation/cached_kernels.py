@@ -1,8 +1,8 @@
-"""Kernels in numba's cache: those of unchanged sources are used, and may be loaded before their first call.
+"""Kernels in numba's cache: each is valid while its sources are unchanged, and may be loaded before its first call.
 
 The machine code of a kernel contains that of all kernels it calls. By default, numba compiles a cached kernel again
-only after a change of its own file. After an upgrade, a kernel would then still run old code of kernels in other
-files. Here, each kernel of the package is cached with a digest of its file, of the files of all kernels and named
+only if the file that defines the kernel changes. After an upgrade, a kernel could then still run old code of kernels in
+other files. Here, each kernel of the package is cached with a digest of its file, of the files of all kernels and named
 tuples that this file imports, directly or indirectly, and of all imported numbers, which are compiled as constants.
 The digest depends on neither the times nor the folder of the files.
 """
@@ -25,21 +25,21 @@ _DIGESTS: dict[str, bytes] = {}
 
 
 class SourceLocator(_CacheLocator):  # type: ignore[misc]
-    """Where numba caches a kernel of this package, as chosen by its own locators, and the digest of its sources."""
+    """The folder in which numba's own locators cache a kernel of this package, and the digest of its sources."""
 
     def __init__(self, locator: Any, digest: bytes) -> None:
         self._locator, self._digest = locator, digest
 
     @classmethod
     def from_function(cls, py_func: FunctionType, py_file: str) -> "SourceLocator | None":
-        """Return the locator of a kernel; None for kernels of other packages, and without readable source files."""
+        """Return the locator of a kernel; None if the kernel is of another package or its sources cannot be read."""
         module = py_func.__module__
         if not module.startswith(f"{PACKAGE}."):
             return None
         others = (other for other in CacheImpl._locator_classes if other is not cls)
-        found = next((locator for other in others if (locator := other.from_function(py_func, py_file))), None)
+        base = next((locator for other in others if (locator := other.from_function(py_func, py_file))), None)
         try:
-            return cls(found, source_digest(module, py_func.__globals__)) if found else None
+            return cls(base, source_digest(module, py_func.__globals__)) if base else None
         except OSError:
             return None
 
@@ -52,17 +52,19 @@ class SourceLocator(_CacheLocator):  # type: ignore[misc]
         return self._locator.get_disambiguator()
 
     def get_source_stamp(self) -> bytes:
-        """Return the digest of the sources; a cached kernel with another one is compiled again."""
+        """Return the digest of the sources; a cached kernel with another digest is compiled again."""
         return self._digest
 
 
 def source_digest(module: str, names: dict[str, Any]) -> bytes:
     """Return the SHA-256 digest of a module's file, and of what its kernels may use from other files.
 
-    ``names`` are the module's names and their values, or those before its first kernel while it is imported.
+    Args:
+        module: name of the module.
+        names: global names of the module with their values; during its import, those defined before its first kernel.
 
     Raises:
-        OSError: a file cannot be read.
+        OSError: if a file cannot be read.
     """
     if module not in _DIGESTS:
         digest = sha256(Path(names["__file__"]).read_bytes())
@@ -73,7 +75,7 @@ def source_digest(module: str, names: dict[str, Any]) -> bytes:
 
 
 def _digest_of(value: Any, module: str) -> bytes:
-    """Return the digest of the other module of this package that defines a kernel or a named tuple; else nothing."""
+    """Return the digest of the other module of this package that defines a kernel or named tuple, or empty bytes."""
     if isinstance(value, Dispatcher):
         origin = value.py_func.__module__
     elif isinstance(value, _Intrinsic):
@@ -103,13 +105,13 @@ CacheImpl._locator_classes.insert(0, SourceLocator)
 def load_cached_kernels() -> int:
     """Load the kernels of all imported modules that numba has cached for this processor.
 
-    Otherwise the first call of a kernel with new types loads it, which takes about 5 ms.
+    Otherwise, the first call of a kernel with new types loads it, which takes about 5 ms.
 
     Returns:
         The number of kernels that were loaded, one for each combination of types.
     """
-    names = [getattr(module, "__dict__", {}) for module in [*sys.modules.values()]]
-    kernels = {id(value): value for own in names for value in [*own.values()] if _is_kernel(value)}
+    namespaces = [getattr(module, "__dict__", {}) for module in [*sys.modules.values()]]
+    kernels = {id(value): value for namespace in namespaces for value in [*namespace.values()] if _is_kernel(value)}
     return sum(load_overloads(kernel) for kernel in kernels.values())
 
 
@@ -118,10 +120,10 @@ def _is_kernel(value: Any) -> bool:
 
 
 def load_overloads(kernel: Any) -> int:
-    """Load a kernel from the cache, and return for how many combinations of types."""
-    stored, codegen = kernel._cache, kernel.targetctx.codegen()
-    left = [key for key in stored._cache_file._load_index() if tuple(key[0]) not in kernel.overloads]
-    usable = [key[0] for key in left if key == stored._index_key(key[0], codegen)]
+    """Load a kernel from the cache, and return the number of type combinations for which it was loaded."""
+    cache, codegen = kernel._cache, kernel.targetctx.codegen()
+    missing = [key for key in cache._cache_file._load_index() if tuple(key[0]) not in kernel.overloads]
+    usable = [key[0] for key in missing if key == cache._index_key(key[0], codegen)]
     for types in usable:
         kernel.compile(tuple(types))
     return len(usable)

@@ -23,7 +23,7 @@ MAX_INTERPRETED_NUMBERS = 50_000
 """Largest count of numbers that an interpreted kernel reads in one call; such a call may take 0.05 s."""
 
 MAX_INTERPRETED_SECONDS = 0.05
-"""Time for which each kernel is interpreted [s]; then it is compiled, or loaded from the cache in 0.005 s."""
+"""Total time for which a kernel is interpreted [s]; then it is compiled, or loaded from the cache in 0.005 s."""
 
 _INTERPRETS: ContextVar[bool | None] = ContextVar("interprets", default=None)
 """Whether kernels may be interpreted; False where ``compiled_kernels`` forbids it."""
@@ -63,7 +63,7 @@ class DeferredKernels:
     uses if they are in the cache, otherwise after ``uses_before_compiling`` uses. Elsewhere, they replace them at once.
 
     Args:
-        kernels: the kernels.
+        kernels: the faster kernels.
         uses_before_loading: uses of the slower kernels that take about as long as loading the kernels from the cache.
         uses_before_compiling: uses of the slower kernels that take about as long as compiling the kernels.
     """
@@ -73,25 +73,25 @@ class DeferredKernels:
         self._in_use = bool(config.DISABLE_JIT)  # type: ignore[attr-defined]
 
     def should_use(self) -> bool:
-        """Return whether to use the kernels now; if not, count one use of the slower ones."""
+        """Return whether to use the faster kernels now; if not, count one use of the slower ones."""
         if not self._in_use:
             self._uses += 1
-            is_loaded = self._uses == self._limits[0] and all([load_overloads(one) for one in self._kernels])
+            is_loaded = self._uses == self._limits[0] and all([load_overloads(kernel) for kernel in self._kernels])
             self._in_use = not _INTERPRETS.get() or is_loaded or self._uses > self._limits[1]
         return self._in_use
 
 
 def count_numbers(*arguments: Any) -> int:
-    """Return the number of entries of all arrays."""
+    """Return the total number of entries of those arguments that are arrays."""
     return sum(argument.size for argument in arguments if isinstance(argument, np.ndarray))
 
 
 def interpretable(kernel: Any, count: Callable[..., int] = count_numbers) -> Any:
     """Return ``kernel``, whose first calls in functions decorated with ``interprets_kernels`` are interpreted.
 
-    ``count`` returns how many numbers the kernel reads when it is called with its arguments. Calls of a compiled
+    ``count`` takes the arguments of the kernel and returns how many numbers the kernel reads. Calls of a compiled
     kernel do not become slower: numba calls ``_compile_for_args`` only if no compiled version fits the arguments, and
-    then calls its result.
+    then calls the function that it returns.
     """
     if config.DISABLE_JIT:  # type: ignore[attr-defined]  # the kernel is a Python function
         return kernel

@@ -59,7 +59,7 @@ class CompilationListener(event.Listener):
         self._write_notice(now)
 
     def on_end(self, compilation: event.Event) -> None:
-        """Write the notice if all compilations so far took too long, and add the time unless it is part of another."""
+        """Write the notice if compilations so far took too long, and add the time unless this one is nested."""
         now = time.perf_counter()
         self._write_notice(now)
         self._depth -= 1

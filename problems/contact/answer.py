@@ -50,11 +50,11 @@ class Answer:
 
         If there are several solutions, this is the distance to the nearest one.
         """
-        given = np.asarray(impulses, dtype=np.float64)
+        vector = np.asarray(impulses, dtype=np.float64)
         if self.impulses:
-            return float(min(np.abs(given - known).max(initial=0.0) for known in self.impulses))
+            return float(min(np.abs(vector - known).max(initial=0.0) for known in self.impulses))
         if self.functionals is not None and self.values is not None:
-            return float(np.abs(self.functionals @ given - self.values).max(initial=0.0))
+            return float(np.abs(self.functionals @ vector - self.values).max(initial=0.0))
         return None
 
     def error(self, impulses: ArrayLike, velocity: ArrayLike, speed: float) -> float | None:
@@ -69,7 +69,7 @@ class Answer:
         if self.velocity is not None:
             errors.append(ratio(float(np.abs(np.asarray(velocity) - self.velocity).max(initial=0.0)), speed))
         known = self.impulses or (() if self.values is None else (self.values,))
-        scale = max((float(np.abs(numbers).max(initial=0.0)) for numbers in known), default=0.0)
+        scale = max((float(np.abs(array).max(initial=0.0)) for array in known), default=0.0)
         deviation = self.impulse_error(impulses)
         if deviation is not None and scale > 0.0:
             errors.append(deviation / scale)
@@ -80,5 +80,5 @@ def ratio(value: float, scale: float) -> float:
     """Return value / scale with 0/0 = 0 and x/0 = inf; NaN becomes inf."""
     if value == 0.0:
         return 0.0
-    found = float(value) / scale if scale > 0.0 else np.inf
-    return found if found == found else np.inf
+    quotient = float(value) / scale if scale > 0.0 else np.inf
+    return quotient if quotient == quotient else np.inf

@@ -147,11 +147,14 @@ def layout_of(laws: Laws) -> BlockLayout:
 
 
 def _part_of_layout(laws: Laws) -> BlockLayout | None:
-    """Return the layout of laws that begin a longer list of equal contacts, from the list's layout, or None."""
+    """Return the layout of laws that begin a longer list of equal contacts, from the layout of the list.
+
+    Return None for other laws.
+    """
     if laws.equal_laws is None or not laws.n_laws:
         return None
-    whole = layout_of(laws.equal_laws)
-    return whole.first(laws.n_laws * whole.n_blocks // laws.equal_laws.n_laws)
+    longer = layout_of(laws.equal_laws)
+    return longer.first(laws.n_laws * longer.n_blocks // laws.equal_laws.n_laws)
 
 
 @interpretable

@@ -1,9 +1,9 @@
 """The coupling of contacts: two contacts are coupled if they touch a common body, directly or through other contacts.
 
-If the factors of G = Wᵀ M⁻¹ W are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ. Two contacts share it if both
-have an entry there. If only G is known, every entry above rounding level couples its two contacts; contacts of one body
-in directions that happen to be orthogonal are then not coupled. A friction law is coupled with the law that bounds it.
-The connected components of this graph are independent contact problems.
+If the factors of G = Wᵀ M⁻¹ W are known, a body is a row of W̃ = Sᵀ W with M⁻¹ = S Sᵀ. Two contacts share a body if
+both have an entry in its row. If only G is known, every entry above rounding level couples its two contacts; contacts
+of one body in directions that happen to be orthogonal are then not coupled. A friction law is coupled with the law that
+bounds it. The connected components of this graph are independent contact problems.
 """
 
 from typing import Any
@@ -30,26 +30,29 @@ def components(problem: ContactProblem) -> IntArray:
     layout = problem.layout
     if layout.n_blocks <= 1:
         return np.zeros(layout.n_blocks, dtype=np.int64)
-    found: IntArray
-    given = None if problem.factors is None else problem.factors.directions
+    component: IntArray
+    directions = None if problem.factors is None else problem.factors.directions
     if problem.factors is None:
         matrix = problem.delassus()
         pattern = (matrix.indptr, matrix.indices, matrix.data, problem.delassus_diagonal)
-        found = components_over_matrix(*pattern, layout.contact_of_row, layout.partner)
-    elif isinstance(given, Pieces) and given.fills_chunks and layout.n_blocks == given.n_blocks:
-        found = _components_over_balls(given.chunks, given.n_chunks, layout.partner)
+        component = components_over_matrix(*pattern, layout.contact_of_row, layout.partner)
+    elif isinstance(directions, Pieces) and directions.fills_chunks and layout.n_blocks == directions.n_blocks:
+        component = _components_over_balls(directions.chunks, directions.n_chunks, layout.partner)
     else:
         pieces = problem.factor_pieces()
-        found = components_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, layout.partner)
-    return found
+        component = components_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, layout.partner)
+    return component
 
 
 def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
-    """Return, for each contact, the largest value of this contact and of those that share a body with it.
+    """Return, for each contact, the largest value of this contact and of those that share a body or law with it.
 
     Args:
         problem: the problem.
         values: one number ≥ 0 per contact, shape (n_contacts,).
+
+    Returns:
+        The largest values, shape (n_contacts,).
     """
     n_bodies, starts, bodies, contacts = _touched_bodies(problem)
     largest = values.copy()
@@ -86,7 +89,7 @@ def _touched_bodies(problem: ContactProblem) -> tuple[int, NDArray[Any], NDArray
 @interpretable
 @njit(cache=True, error_model="numpy")
 def _coupled_contacts(indptr, indices, data, root, contact_of_row):  # type: ignore[no-untyped-def]
-    """Return, for each row of G, the contacts of entries above rounding level: |g_ij| > ROUNDING √(g_ii g_jj)."""
+    """Return, in compressed rows, the contacts of entries of G above rounding level: |g_ij| > ROUNDING √(g_ii g_jj)."""
     starts, bodies = np.zeros(len(indptr), dtype=np.int64), np.empty(len(data), dtype=np.int64)
     count = 0
     for row in range(len(contact_of_row)):
@@ -101,7 +104,7 @@ def _coupled_contacts(indptr, indices, data, root, contact_of_row):  # type: ign
 @interpretable
 @njit(cache=True, error_model="numpy")
 def _touched_rows(first, chunks, values, idle):  # type: ignore[no-untyped-def]
-    """Return, for each contact, the rows of W̃ in which it has an entry."""
+    """Return, in compressed rows, the rows of W̃ in which each contact has an entry."""
     width, length = values.shape[1], values.shape[2]
     starts, bodies = np.zeros(len(first), dtype=np.int64), np.empty(len(chunks) * length, dtype=np.int64)
     count = 0
@@ -277,13 +280,12 @@ def write_scales_and_ratios(  # type: ignore[no-untyped-def]
 ):
     """Write α, ℓ, ℓ ‖c‖ and a ratio for each law into the rows of ``numbers``, shape (at least 4, n_laws).
 
-    The ratio is the largest ℓ ‖c‖ of the problem divided by the largest one of the component of the law, or 1 if the
-    latter is negligible. ``component`` holds the component of each contact. The return value is that of
-    ``_write_scales``.
+    The ratio is the largest ℓ ‖c‖ of the problem divided by that of the law's component, or 1 if that of the component
+    is negligible. ``component`` holds the component of each contact. The return value is that of ``_write_scales``.
     """
     alpha, lengths, speeds, ratios = numbers[0], numbers[1], numbers[2], numbers[3]
-    given = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)
-    stuck, scale = _write_scales(*given, alpha, lengths, speeds)
+    arguments = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)
+    stuck, scale = _write_scales(*arguments, alpha, lengths, speeds)
     largest, owns = np.zeros(len(component)), np.empty(len(sets), dtype=np.int64)
     for law in range(len(sets)):
         own = component[slot[first_row[law]] // width]

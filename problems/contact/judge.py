@@ -74,7 +74,7 @@ class Verdict:
             contact of law i, but at least the velocity of free fall in a step, if known.
         local_median: median of α_i ‖R_i‖/s_i over the laws.
         local_q90: the 90 % quantile of the same ratios.
-        local_q99: their 99 % quantile.
+        local_q99: the 99 % quantile of the same ratios.
         energy_residual: max_i(√α_i ‖R_i‖) / max_i(‖c_i‖/√α_i), the same violations as roots of energies.
         natural_map_q: FCLIB's error ‖Λ − P_K(Λ − ū)‖₂ / ‖c‖₂ with ū = ξ + (μ‖ξ_T‖ + μ_r‖ξ_R‖) e_N (De Saxcé), ρ = 1.
         natural_map_max: the same error divided by max(‖c‖, ‖Λ‖, ‖ξ‖), as in Siconos.
@@ -124,11 +124,11 @@ class Verdict:
 @interprets_kernels
 @np.errstate(over="ignore", invalid="ignore")  # overflow gives inf
 def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COULOMB) -> Verdict:
-    """Judge impulses Λ [N s], shape (n_rows,), against ``problem``.
+    """Judge how well impulses solve a contact problem.
 
     Args:
         problem: the contact problem.
-        impulses: Λ, shape (n_rows,).
+        impulses: Λ [N s], shape (n_rows,).
         model: the friction model; it affects the residuals, not the other errors. ``Model.ENGINE`` in a captured step
             affects ``residual`` only.
 
@@ -139,35 +139,35 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         ProblemError: if ``problem`` is not a contact problem, Λ is not an array of the right shape, or the model does
             not apply to the problem's laws.
     """
-    judged: object = problem
-    if not isinstance(judged, ContactProblem):
+    argument: object = problem
+    if not isinstance(argument, ContactProblem):
         kind = type(problem).__name__
         raise ProblemError(f"judge takes a ContactProblem, not {kind}; read one with load(name) or load(path).")
     if hasattr(impulses, "impulses"):
         raise ProblemError("judge takes the impulses of a solution, not the solution; pass solution.impulses.")
-    given = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
-    if given.shape != (problem.n_rows,):
-        raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry per row; got {given.shape}.")
+    impulses = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
+    if impulses.shape != (problem.n_rows,):
+        raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry per row; got {impulses.shape}.")
     if model == Model.ENGINE and problem.engine is not None:
-        return replace(judge(problem, given), residual=own_residual(problem.engine, given), model=model)
+        return replace(judge(problem, impulses), residual=own_residual(problem.engine, impulses), model=model)
     residual, inf = Residual(problem), np.inf
     known = None if problem.answer is None else problem.answer.velocity
-    if not np.isfinite(given).all():
-        return _not_finite(problem, residual, model)
+    if not np.isfinite(impulses).all():
+        return _infinite_verdict(problem, residual, model)
     if residual.unit != 1.0:
         scaled = in_units(problem, time=residual.unit).problem
-        return _in_usual_units(judge(scaled, residual.unit * given, model), residual.unit)
-    velocity, rounding = problem.accurate_velocity(given)
-    violation = np.maximum(violations(problem, residual, given, velocity, model), residual.law_rounding(rounding))
+        return _in_usual_units(judge(scaled, residual.unit * impulses, model), residual.unit)
+    velocity, rounding = problem.accurate_velocity(impulses)
+    violation = np.maximum(violations(problem, residual, impulses, velocity, model), residual.law_rounding(rounding))
     speed = np.maximum(np.abs(velocity), rounding)
     root = residual.lengths * np.sqrt(residual.alpha)
     energy, energy_scale = _largest_ratio(violation, root), _largest_ratio(residual.speeds, root)
-    natural_map = _natural_map(problem, given, velocity, rounding)
-    norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, given, velocity)]
-    missed = None if known is None else float(np.maximum(np.abs(velocity - known), rounding).max(initial=0.0))
+    natural_map = _natural_map(problem, impulses, velocity, rounding)
+    norms = [float(np.linalg.norm(vector)) for vector in (problem.free_velocity, impulses, velocity)]
+    deviation = None if known is None else float(np.maximum(np.abs(velocity - known), rounding).max(initial=0.0))
     infeasible, normal = residual.infeasible, problem.laws.first_row[problem.laws.is_unilateral]
-    components = _of_components(residual, np.where(np.arange(len(violation)) == residual.stuck_law, inf, violation))
-    local = _local(problem, residual, violation, problem.free_fall)
+    is_stuck = np.arange(len(violation)) == residual.stuck_law
+    local = _local_ratios(problem, residual, violation, problem.free_fall)
     median, q90, q99 = _quantiles(local, (0.5, 0.9, 0.99))
     return Verdict(
         residual=inf if infeasible else ratio((residual.ratios * violation).max(initial=0.0), residual.scale),
@@ -179,13 +179,13 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         natural_map_q=ratio(natural_map, norms[0]),
         natural_map_max=ratio(natural_map, max(norms)),
         penetration_velocity=float(np.maximum(-velocity[normal], rounding[normal]).max(initial=0.0)),
-        cone_violation=_cone_violation(problem, residual, given),
-        complementarity=float(np.abs(given[normal] * speed[normal]).max(initial=0.0)),
-        dissipated_energy=-0.5 * float(given @ (velocity + problem.free_velocity)),
-        velocity_error=None if missed is None else ratio(missed, residual.scale),
+        cone_violation=_cone_violation(problem, residual, impulses),
+        complementarity=float(np.abs(impulses[normal] * speed[normal]).max(initial=0.0)),
+        dissipated_energy=-0.5 * float(impulses @ (velocity + problem.free_velocity)),
+        velocity_error=None if deviation is None else ratio(deviation, residual.scale),
         infeasible=infeasible,
         model=model,
-        component_residuals=components,
+        component_residuals=_component_residuals(residual, np.where(is_stuck, inf, violation)),
     )
 
 
@@ -207,12 +207,12 @@ def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: flo
     velocity, rounding = problem.accurate_velocity(impulses)
     violation = violations(problem, residual, impulses, velocity, Model.COULOMB)
     violation = np.maximum(violation, residual.law_rounding(rounding))
-    return float(_local(problem, residual, violation, max(problem.free_fall, free_fall)).max(initial=0.0))
+    return float(_local_ratios(problem, residual, violation, max(problem.free_fall, free_fall)).max(initial=0.0))
 
 
-def _not_finite(problem: ContactProblem, residual: Residual, model: Model) -> Verdict:
+def _infinite_verdict(problem: ContactProblem, residual: Residual, model: Model) -> Verdict:
     """Return the verdict on impulses that are not all finite; all of its errors are infinite or NaN."""
-    numbers: dict[str, Any] = {one.name: np.inf for one in fields(Verdict) if one.name not in NON_NUMERIC_FIELDS}
+    numbers: dict[str, Any] = {item.name: np.inf for item in fields(Verdict) if item.name not in NON_NUMERIC_FIELDS}
     if problem.answer is None or problem.answer.velocity is None:
         numbers["velocity_error"] = None
     numbers |= {"dissipated_energy": np.nan, "infeasible": residual.infeasible}
@@ -231,25 +231,25 @@ def _in_usual_units(verdict: Verdict, unit: float) -> Verdict:
     )
 
 
-def _of_components(residual: Residual, violation: FloatArray) -> tuple[float, ...]:
+def _component_residuals(residual: Residual, violation: FloatArray) -> tuple[float, ...]:
     """Return the residual of each component."""
     largest = np.zeros(int(residual.components.max(initial=-1)) + 1)
     np.maximum.at(largest, residual.components, residual.ratios * violation)
     return tuple(ratio(value, residual.scale) for value in largest)
 
 
-def _local(problem: ContactProblem, residual: Residual, violation: FloatArray, free_fall: float) -> FloatArray:
-    """Return α_i ‖R_i‖/s_i of each law.
+def _local_ratios(problem: ContactProblem, residual: Residual, violation: FloatArray, free_fall: float) -> FloatArray:
+    """Return α_i ‖R_i‖/s_i of each law, shape (n_laws,).
 
-    s_i is the largest ‖c‖ of its contact and of the contacts that share a body with it, and at least the free fall in
-    a step. If this is negligible, s_i is the scale of the law's component.
+    s_i is the largest ‖c‖ of its contact and of the contacts that share a body with it, and at least ``free_fall``. If
+    this is negligible, s_i is the scale of the law's component.
     """
     layout, laws = problem.layout, problem.laws
     contact = layout.contact_of_row[laws.first_row]
     speeds = np.zeros(layout.n_blocks)
     np.maximum.at(speeds, contact, residual.speeds)
-    around = np.maximum(largest_around(problem, speeds)[contact], free_fall)
-    scales = np.where(around > NEGLIGIBLE * residual.scale, around, residual.scale / residual.ratios)
+    nearby = np.maximum(largest_around(problem, speeds)[contact], free_fall)
+    scales = np.where(nearby > NEGLIGIBLE * residual.scale, nearby, residual.scale / residual.ratios)
     local = np.where(violation == 0.0, 0.0, np.inf)
     positive = (scales > 0.0) & (violation == violation)
     local[positive] = violation[positive] / scales[positive]
@@ -260,9 +260,9 @@ def _quantiles(values: FloatArray, shares: tuple[float, ...]) -> list[float]:
     """Return the quantile of the values for each share; 0 if there are no values."""
     if not len(values):
         return [0.0] * len(shares)
-    places = [max(0, math.ceil(share * len(values)) - 1) for share in shares]
-    ordered = np.partition(values, places)
-    return [float(ordered[place]) for place in places]
+    indices = [max(0, math.ceil(share * len(values)) - 1) for share in shares]
+    ordered = np.partition(values, indices)
+    return [float(ordered[index]) for index in indices]
 
 
 def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray, rounding: FloatArray) -> float:
@@ -270,24 +270,24 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
 
     The bound of a friction law that does not follow its partner is fixed at its current value.
     """
-    layout, lanes, moved = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
+    layout, lanes, velocities = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
     friction, fixed = layout.friction_coefficient, layout.fixed_bound
     if not layout.bounds_are_own:
-        own = layout.partner == np.arange(layout.n_blocks)
+        is_own = layout.partner == np.arange(layout.n_blocks)
         remote_bound = friction * np.maximum(lanes[layout.partner, 0], 0.0)
-        friction, fixed = np.where(own, friction, 0.0), fixed + np.where(own, 0.0, remote_bound)
-    tangent, rolling = moved[:, 1 : 1 + layout.sliding], moved[:, 1 + layout.sliding :]
+        friction, fixed = np.where(is_own, friction, 0.0), fixed + np.where(is_own, 0.0, remote_bound)
+    tangent, rolling = velocities[:, 1 : 1 + layout.sliding], velocities[:, 1 + layout.sliding :]
     lift = friction * np.sqrt(_squares(tangent))
     if layout.rolling:
         lift += layout.rolling_coefficient * np.sqrt(_squares(rolling))
-    moved[:, 0] += lift
-    difference = lanes - onto_contact_cones(layout, lanes - moved, friction, fixed, np.ones(layout.n_blocks))
+    velocities[:, 0] += lift
+    difference = lanes - onto_contact_cones(layout, lanes - velocities, friction, fixed, np.ones(layout.n_blocks))
     frictionless = (layout.friction_law < 0) & (layout.rolling_law < 0) & ~layout.is_bilateral
-    difference[frictionless, 0] = np.minimum(lanes[frictionless, 0], moved[frictionless, 0])
-    difference[layout.is_bilateral] = moved[layout.is_bilateral]
-    hidden = np.where(frictionless | layout.is_bilateral, 0.0, PROJECTION_ROUNDINGS * UNIT) * np.sqrt(_squares(lanes))
-    hidden += np.einsum("ij->i", layout.pad(rounding))
-    return float(np.sqrt(np.maximum(_squares(difference), hidden**2).sum()))
+    difference[frictionless, 0] = np.minimum(lanes[frictionless, 0], velocities[frictionless, 0])
+    difference[layout.is_bilateral] = velocities[layout.is_bilateral]
+    roundings = np.where(frictionless | layout.is_bilateral, 0.0, PROJECTION_ROUNDINGS * UNIT)
+    possible_error = roundings * np.sqrt(_squares(lanes)) + np.einsum("ij->i", layout.pad(rounding))
+    return float(np.sqrt(np.maximum(_squares(difference), possible_error**2).sum()))
 
 
 def _squares(vectors: FloatArray) -> FloatArray:
@@ -300,8 +300,8 @@ def _cone_violation(problem: ContactProblem, residual: Residual, impulses: Float
     laws = problem.laws
     pulling = (-impulses[laws.first_row[laws.is_unilateral]]).max(initial=0.0)
     bounds = laws.friction_bounds(impulses)[laws.is_friction]
-    excess, hidden = laws.friction_norms(impulses) - bounds, PROJECTION_ROUNDINGS * UNIT * bounds
-    excess = np.where(excess < -hidden, excess, np.maximum(excess, hidden))
+    excess, possible_error = laws.friction_norms(impulses) - bounds, PROJECTION_ROUNDINGS * UNIT * bounds
+    excess = np.where(excess < -possible_error, excess, np.maximum(excess, possible_error))
     lengths = residual.lengths[laws.is_friction]  # 0 if α_N/α_i underflows
     excess = np.divide(excess, lengths, out=np.where(excess > 0.0, np.inf, 0.0), where=lengths > 0.0)
     return float(max(pulling, excess.max(initial=0.0)))

@@ -148,8 +148,8 @@ class Laws:
         law, partner = np.arange(len(self.kind)), self.partner
         slides_before = self.is_friction & ~self.is_rolling & (partner == law - 1) & (partner >= 0)
         follows = (partner == law - 1) | ((partner == law - 2) & np.append(False, slides_before[:-1]))
-        wanted = "the preceding unilateral law, directly or before its sliding law"
-        _require(~self.is_rolling | ((partner >= 0) & follows), "partner", partner, wanted)
+        requirement = "the preceding unilateral law, directly or before its sliding law"
+        _require(~self.is_rolling | ((partner >= 0) & follows), "partner", partner, requirement)
 
     @cached_property
     def sets(self) -> NDArray[np.int8]:
@@ -285,20 +285,20 @@ class Laws:
         """
         if dim not in (1, 2, 3):
             raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
-        given = frozen(friction, np.float64, "friction")
-        if given.ndim == 0 and 0.0 <= given < np.inf:
+        mu = frozen(friction, np.float64, "friction")
+        if mu.ndim == 0 and 0.0 <= mu < np.inf:
             make = _few_equal_laws if n_contacts <= MAX_CACHED_CONTACTS else _equal_laws
-            return make(float(given), dim, n_contacts)
+            return make(float(mu), dim, n_contacts)
         try:
-            coefficient = np.broadcast_to(given, (n_contacts,))
+            coefficient = np.broadcast_to(mu, (n_contacts,))
         except ValueError:
             shape = np.shape(friction)
             raise ProblemError(
                 f"friction must be one number or have shape ({n_contacts},), got shape {shape}."
             ) from None
-        bad = np.flatnonzero(~(np.isfinite(coefficient) & (coefficient >= 0)))
-        if len(bad):
-            raise ProblemError(f"friction[{bad[0]}] = {coefficient[bad[0]]} must be finite and not negative.")
+        invalid = np.flatnonzero(~(np.isfinite(coefficient) & (coefficient >= 0)))
+        if len(invalid):
+            raise ProblemError(f"friction[{invalid[0]}] = {coefficient[invalid[0]]} must be finite and not negative.")
         return _laws_of_contacts(coefficient, dim)
 
     @staticmethod
@@ -311,7 +311,9 @@ class Laws:
     def concatenate(parts: Sequence["Laws"]) -> "Laws":
         """Return the laws of all parts, concatenated."""
         first = np.cumsum([0, *(part.n_laws for part in parts)])
-        partners = [np.where(part.partner >= 0, part.partner + at, -1) for part, at in zip(parts, first, strict=False)]
+        partners = [
+            np.where(part.partner >= 0, part.partner + offset, -1) for part, offset in zip(parts, first, strict=False)
+        ]
         return Laws.in_order(
             np.concatenate([part.kind for part in parts]),
             np.concatenate([part.friction_coefficient for part in parts]),
@@ -335,14 +337,14 @@ class Laws:
             raise ProblemError("the laws already have rolling friction; add it to laws without it.")
         normal = np.flatnonzero(self.is_unilateral)
         follower = np.append(self.partner[1:], -1)[normal] == normal
-        behind = normal + 1 + follower  # places of the new rolling laws
-        place = np.arange(self.n_laws) + np.searchsorted(behind, np.arange(self.n_laws), side="right")
+        insertion = normal + 1 + follower  # index before which each rolling law is inserted
+        new_index = np.arange(self.n_laws) + np.searchsorted(insertion, np.arange(self.n_laws), side="right")
         coefficient = np.broadcast_to(frozen(friction, np.float64, "friction"), (len(normal),))
         return Laws.in_order(
-            np.insert(self.kind, behind, _ROLLING_OF_ROWS[n_rows - 1]),
-            np.insert(self.friction_coefficient, behind, coefficient),
-            np.insert(self.fixed_bound, behind, 0.0),
-            np.insert(np.where(self.partner >= 0, place[self.partner], -1), behind, place[normal]),
+            np.insert(self.kind, insertion, _ROLLING_OF_ROWS[n_rows - 1]),
+            np.insert(self.friction_coefficient, insertion, coefficient),
+            np.insert(self.fixed_bound, insertion, 0.0),
+            np.insert(np.where(self.partner >= 0, new_index[self.partner], -1), insertion, new_index[normal]),
         )
 
 
@@ -359,8 +361,8 @@ def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
 
 def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
     """Return contacts of one μ as the first part of a longer list, which has been validated before."""
-    room = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
-    return _many_equal_laws(friction, dim, room)._first(n_contacts if dim == 1 else 2 * n_contacts)
+    capacity = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
+    return _many_equal_laws(friction, dim, capacity)._first(n_contacts if dim == 1 else 2 * n_contacts)
 
 
 _few_equal_laws = lru_cache(maxsize=256)(_equal_laws)
@@ -369,11 +371,12 @@ _few_equal_laws = lru_cache(maxsize=256)(_equal_laws)
 
 @lru_cache(maxsize=16)
 def _many_equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
+    """Return contacts of one μ, the same object for the same arguments."""
     return _laws_of_contacts(np.full(n_contacts, friction), dim)
 
 
-def _require(holds: NDArray[np.bool_], field: str, values: NDArray[Any], wanted: str) -> None:
+def _require(holds: NDArray[np.bool_], field: str, values: NDArray[Any], requirement: str) -> None:
     """Raise a ``ProblemError`` that names the first law for which ``holds`` is false."""
     if not holds.all():
         law = int(np.argmin(holds))
-        raise ProblemError(f"laws.{field}[{law}] = {values[law]} must be {wanted}.")
+        raise ProblemError(f"laws.{field}[{law}] = {values[law]} must be {requirement}.")

@@ -10,7 +10,7 @@ ModelKind = Literal["coulomb", "convex", "pyramid", "frictionless", "engine"]
 
 @dataclass(frozen=True)
 class Model:
-    """A contact model.
+    """A contact model; ``sides`` is the number of sides of a pyramid, 0 for the other kinds.
 
     * ``Model.COULOMB``: unilateral contact with Coulomb friction, the reference model.
     * ``Model.CONVEX``: the associated law, −ξ ∈ N_K(Λ) with K the friction cone; a sliding contact dilates.
@@ -30,7 +30,11 @@ class Model:
 
     @staticmethod
     def pyramid(sides: int) -> "Model":
-        """Return the pyramid model of ``sides`` sides (at least 3)."""
+        """Return the pyramid model of ``sides`` sides.
+
+        Raises:
+            ProblemError: if ``sides`` is less than 3.
+        """
         if sides < 3:
             raise ProblemError(f"a friction pyramid needs at least 3 sides, got {sides}.")
         return Model("pyramid", sides)

@@ -50,12 +50,12 @@ class ContactProblem:
         laws: the force laws, which tile the rows.
         matrix: G [1/kg] as given, or ``None`` if the factors are given.
         factors: W, M⁻¹ and the free motion, or ``None`` if G is given.
-        name: its name in tables and files.
-        provenance: its origin (scene, step, seed, …).
-        answer: the known parts of its solution, or ``None``.
+        name: name of the problem in tables and files.
+        provenance: origin of the problem (scene, step, seed, …).
+        answer: the known parts of the solution, or ``None``.
         allow_asymmetric: whether G may differ from Gᵀ (public data sometimes does).
         keys: name of each contact, the same in all steps of a sequence; empty if contacts have no names.
-        engine: the model that an engine solved in this step, if the file of the step contains it.
+        engine: the model that an engine solved in this step, or ``None`` if it is not known.
 
     Raises:
         ProblemError: if a field has the wrong shape or a value that is not finite, or both or neither of ``matrix`` and
@@ -180,8 +180,8 @@ class ContactProblem:
     @property
     def free_fall(self) -> float:
         """Velocity that free bodies gain in the time step of the problem [m/s]; 0 if unknown."""
-        known = self.provenance.get(FREE_FALL, 0.0)
-        return float(known) if isinstance(known, int | float) and 0.0 < known < np.inf else 0.0
+        speed = self.provenance.get(FREE_FALL, 0.0)
+        return float(speed) if isinstance(speed, int | float) and 0.0 < speed < np.inf else 0.0
 
     @cached_property
     def layout(self) -> BlockLayout:
@@ -228,8 +228,8 @@ class ContactProblem:
         return diagonal
 
     def _diagonal_over_factors(self) -> FloatArray:
-        given = None if self.factors is None else self.factors.delassus_diagonal()
-        return self.layout.rows_of(self.factor_pieces().square_sums().reshape(-1)) if given is None else given
+        diagonal = None if self.factors is None else self.factors.delassus_diagonal()
+        return self.layout.rows_of(self.factor_pieces().square_sums().reshape(-1)) if diagonal is None else diagonal
 
     def relative_velocity(self, impulses: ArrayLike) -> FloatArray:
         """Return ξ = G Λ + c [m/s], shape (n_rows,)."""
@@ -285,13 +285,17 @@ class ContactProblem:
         return self._described(name=name, provenance={**self.provenance, **provenance})
 
     def with_free_velocity(self, free_velocity: ArrayLike) -> "ContactProblem":
-        """Return the problem with a new c [m/s], shape (n_rows,), and the matching engine model; omit the answer."""
+        """Return the problem with a new c [m/s], shape (n_rows,), and a matching engine model, without an answer."""
         c = _as_vector(free_velocity, "c")
         engine = None if self.engine is None else self.engine.shifted(c - self.free_velocity)
         return replace(self, free_velocity=c, answer=None, engine=engine)
 
     def answered(self, answer: Answer | None, **provenance: str | int | float) -> "ContactProblem":
-        """Return the same problem with a new known answer, and ``provenance`` added."""
+        """Return the same problem with a new known answer, and ``provenance`` added.
+
+        Raises:
+            ProblemError: if the answer does not fit the rows of the problem.
+        """
         return self._described(answer=answer, provenance={**self.provenance, **provenance})
 
     def keyed(self, keys: Sequence[str]) -> "ContactProblem":
@@ -318,9 +322,9 @@ class ContactProblem:
         )
 
     def _described(self, **changes: Any) -> "ContactProblem":
-        """Return a copy with changed fields, without checking the numbers again; the changes must not affect them."""
+        """Return a copy with changed fields, without checking the numbers again; the changes must keep them valid."""
         other = object.__new__(ContactProblem)
-        values = {one.name: getattr(self, one.name) for one in fields(self)} | changes
+        values = {item.name: getattr(self, item.name) for item in fields(self)} | changes
         values["provenance"] = MappingProxyType(dict(values["provenance"]))
         for name, value in values.items():
             object.__setattr__(other, name, value)
@@ -363,9 +367,9 @@ def _check_keys(keys: Sequence[str], n_contacts: int) -> None:
 
 
 def _laws_of(free_velocity: FloatArray, friction: ArrayLike | None, dim: int | None, laws: Laws | None) -> Laws:
-    """Return ``laws``, or those of equal contacts if it is None; the two are mutually exclusive."""
+    """Return ``laws``, or the laws of contacts with ``friction`` and ``dim`` if ``laws`` is None."""
     if laws is None:
-        return _equal_contacts(free_velocity, 0.0 if friction is None else friction, 3 if dim is None else dim)
+        return _contact_laws(free_velocity, 0.0 if friction is None else friction, 3 if dim is None else dim)
     _require_type("laws", laws, Laws, "Laws, as from Laws.contacts(mu, dim, n_contacts)")
     for name, value in (("friction", friction), ("dim", dim)):
         if value is not None:
@@ -373,12 +377,12 @@ def _laws_of(free_velocity: FloatArray, friction: ArrayLike | None, dim: int | N
     return laws
 
 
-def _require_type(name: str, value: object, kind: type, words: str) -> None:
+def _require_type(name: str, value: object, kind: type, expected: str) -> None:
     if not isinstance(value, kind):
-        raise ProblemError(f"{name} must be {words}; got a value of type {type(value).__name__}.")
+        raise ProblemError(f"{name} must be {expected}; got a value of type {type(value).__name__}.")
 
 
-def _equal_contacts(free_velocity: FloatArray, friction: ArrayLike, dim: int) -> Laws:
+def _contact_laws(free_velocity: FloatArray, friction: ArrayLike, dim: int) -> Laws:
     if dim in (1, 2, 3) and len(free_velocity) % dim:
         raise ProblemError(
             f"c has {len(free_velocity)} rows, which is not a multiple of dim = {dim}; give {dim} rows per contact, or "

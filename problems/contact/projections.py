@@ -93,20 +93,20 @@ def onto_cone(
     lengths = [np.sqrt(np.einsum("ij,ij->i", part, part)) for part in parts]
     cones = list(zip(friction, lengths, fixed, strict=True))
     # the function is the minimum of increasing linear pieces, so its zero is the largest of their zeros
-    found = np.full(len(normal), -np.inf)
+    projected_normal = np.full(len(normal), -np.inf)
     for active in chain.from_iterable(combinations(cones, count) for count in range(1, len(cones) + 1)):
         numerator, denominator = normal, np.ones(1)
         for mu, length, a in active:
             numerator, denominator = numerator + mu * (length - a), denominator + mu**2
-        found = np.maximum(found, numerator / denominator)
+        projected_normal = np.maximum(projected_normal, numerator / denominator)
     is_inside = np.all([length <= a + mu * normal for mu, length, a in cones], axis=0)
-    found = np.maximum(np.where(is_inside, normal, found), 0.0)  # a point inside keeps N₀ exactly
+    projected_normal = np.maximum(np.where(is_inside, normal, projected_normal), 0.0)  # a point inside keeps N₀ exactly
     shortened = []
     for part, length, mu, a in zip(parts, lengths, friction, fixed, strict=True):
-        radius = a + mu * found
+        radius = a + mu * projected_normal
         shrink = np.where(length > radius, radius / np.where(length > 0.0, length, 1.0), 1.0)
         shortened.append(part * shrink[:, None])
-    return found, shortened
+    return projected_normal, shortened
 
 
 def onto_contact_cones(
@@ -120,14 +120,17 @@ def onto_contact_cones(
         friction: μ of the block's own Λ_N, shape (n_blocks,).
         fixed: the constant part of the bound on Λ_T [N s], shape (n_blocks,).
         length: divisor of the rolling impulses [m], shape (n_blocks,).
+
+    Returns:
+        The projected impulses, shape (n_blocks, width).
     """
     parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [fixed]
     if layout.rolling:
         parts.append(lanes[:, 1 + layout.sliding :])
         coefficients.append(layout.rolling_coefficient / length)
         bounds.append(layout.rolling_bound / length)
-    normal, others = onto_cone(lanes[:, 0], parts, coefficients, bounds)
-    projected = np.column_stack([normal, *others])
+    normal, projected_parts = onto_cone(lanes[:, 0], parts, coefficients, bounds)
+    projected = np.column_stack([normal, *projected_parts])
     if not layout.has_contacts_only:
         projected[layout.is_bilateral] = lanes[layout.is_bilateral]
     return projected

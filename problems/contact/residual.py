@@ -14,8 +14,8 @@ times the friction bound,
 The first two cases have the relative error of ξ, which ``matrices.accurate`` bounds. In the third case h and the
 projection may cancel. I − prox and prox are nonexpansive, so rounding of h contributes u‖h‖ and that of h − ξ
 contributes ub. The bound, the norm, their quotient and the product have eight roundings, which gives 9ub + u‖h‖ in all
-(``_hidden_by_sliding``). The returned violation is at least that, so the exact one is at most twice the returned value,
-up to a relative error of a few u. The third case applies unless ‖h − ξ‖ is below b by more than rounding.
+(``_sliding_error_squared``). The returned violation is at least that, so the exact one is at most twice the returned
+value, up to a relative error of a few u. The third case applies unless ‖h − ξ‖ is below b by more than rounding.
 """
 
 from functools import cached_property
@@ -73,10 +73,10 @@ class Residual:
         self.alpha, self.lengths, self.speeds, self.ratios, self._squares = self._numbers
         self._diagonal = problem.delassus_diagonal
         self._contacts, self._layout = components(problem), problem.layout
-        given = laws.sets, laws.row_count, laws.is_rolling, laws.first_row, laws.partner
-        of_contacts = self._contacts, self._layout.slot, self._layout.width
+        law_arrays = laws.sets, laws.row_count, laws.is_rolling, laws.first_row, laws.partner
+        contact_arrays = self._contacts, self._layout.slot, self._layout.width
         self.stuck_law, scale = write_scales_and_ratios(
-            *given, self._diagonal, problem.free_velocity, *of_contacts, self._numbers
+            *law_arrays, self._diagonal, problem.free_velocity, *contact_arrays, self._numbers
         )
         self.scale = float(scale)
         self.infeasible = self.stuck_law >= 0
@@ -108,12 +108,12 @@ class Residual:
 
         Plain arithmetic is used if its rounding is negligible.
         """
-        found = self(impulses, problem.relative_velocity(impulses))
-        if found > self.rounding(impulses):
-            return found
+        plain = self(impulses, problem.relative_velocity(impulses))
+        if plain > self.rounding(impulses):
+            return plain
         velocity, rounding = problem.accurate_velocity(impulses)
-        hidden = float((self.ratios * self.law_rounding(rounding)).max(initial=0.0))
-        return max(self(impulses, velocity), ratio(hidden, self.scale))
+        possible_error = float((self.ratios * self.law_rounding(rounding)).max(initial=0.0))
+        return max(self(impulses, velocity), ratio(possible_error, self.scale))
 
     def law_rounding(self, rounding: FloatArray) -> FloatArray:
         """Return the possible rounding error [m/s] of the violation of each law, shape (n_laws,).
@@ -180,12 +180,12 @@ class EngineResidual(Residual):
         return own_residual(self._engine, impulses)
 
     def __call__(self, impulses: FloatArray, velocity: FloatArray) -> float:
-        """Return the residual of Λ [N s], shape (n_rows,)."""
+        """Return the residual of Λ [N s], shape (n_rows,); ``velocity`` is not used."""
         return own_residual(self._engine, impulses)
 
 
 def residual_under(problem: ContactProblem, model: Model) -> Residual:
-    """Return the residual of a problem under a model."""
+    """Return the residual of a problem under a model: ``Residual`` or the subclass that fits the model."""
     if model == Model.COULOMB:
         return Residual(problem)
     if model == Model.ENGINE and problem.engine is not None:
@@ -259,7 +259,7 @@ def _outside_interval(held, xi, bound):  # type: ignore[no-untyped-def]
     violation = xi if limited == x else held - limited
     square = violation * violation
     if not x * x <= INSIDE * bound * bound:
-        square = max(square, _hidden_by_sliding(held * held, bound))
+        square = max(square, _sliding_error_squared(held * held, bound))
     return square
 
 
@@ -276,8 +276,8 @@ def outside_disc(held_1, held_2, xi_1, xi_2, bound):  # type: ignore[no-untyped-
     slides = not squared <= bound * bound
     square = violation_1 * violation_1 + violation_2 * violation_2 if slides else xi_1 * xi_1 + xi_2 * xi_2
     square = np.inf if squared == np.inf else square
-    hidden = _hidden_by_sliding(held_1 * held_1 + held_2 * held_2, bound)
-    return hidden if not squared <= INSIDE * bound * bound and hidden > square else square
+    possible_error = _sliding_error_squared(held_1 * held_1 + held_2 * held_2, bound)
+    return possible_error if not squared <= INSIDE * bound * bound and possible_error > square else square
 
 
 @njit(cache=True, error_model="numpy")
@@ -298,15 +298,15 @@ def _outside_ball(first, count, a, bound, impulses, velocity):  # type: ignore[n
             violation = held - scale * (held - velocity[k])
             square += violation * violation
     if not squared <= INSIDE * bound * bound:
-        square = max(square, _hidden_by_sliding(held_squared, bound))
+        square = max(square, _sliding_error_squared(held_squared, bound))
     return square
 
 
 @njit(cache=True, inline="always")
-def _hidden_by_sliding(held_squared, bound):  # type: ignore[no-untyped-def]
-    """Return the square of the possible rounding error of a sliding friction law, 9ub + u‖h‖; see the module."""
-    hidden = UNIT * (9.0 * bound + np.sqrt(held_squared))
-    return hidden * hidden
+def _sliding_error_squared(held_squared, bound):  # type: ignore[no-untyped-def]
+    """Return (9ub + u‖h‖)², the squared rounding error bound of a sliding friction law; see the module docstring."""
+    possible_error = UNIT * (9.0 * bound + np.sqrt(held_squared))
+    return possible_error * possible_error
 
 
 def violations(
@@ -318,11 +318,11 @@ def violations(
         return _convex_violations(problem, residual, impulses, velocity)
     if model.kind == "pyramid":
         return _pyramid_violations(problem, residual, impulses, velocity, model.sides)
-    found = residual.of_laws(impulses, velocity, 0.0 if model.kind == "frictionless" else 1.0)
+    result = residual.of_laws(impulses, velocity, 0.0 if model.kind == "frictionless" else 1.0)
     if model.kind == "frictionless":  # tangential velocity is free, only Λ_T = 0 is required
         friction = laws.is_friction
-        found[friction] = (residual.lengths * residual.alpha)[friction] * laws.friction_norms(impulses)
-    return found
+        result[friction] = (residual.lengths * residual.alpha)[friction] * laws.friction_norms(impulses)
+    return result
 
 
 def convex_obstacle(problem: ContactProblem) -> str | None:
@@ -341,31 +341,34 @@ def _convex_violations(
     """Return the violations of −ξ ∈ N_K(Λ) with K = {Λ_N ≥ 0, ‖Λ_T‖ ≤ a + μΛ_N, …} and the largest α of a contact.
 
     Rolling rows are scaled by the lengths of their laws: ℓξ_R, Λ_R/ℓ, μ_r/ℓ.
+
+    Raises:
+        ProblemError: if a friction law does not follow the law that bounds it.
     """
     obstacle = convex_obstacle(problem)
     if obstacle:
         raise ProblemError(f"the convex model does not apply to {problem.name!r}: {obstacle}.")
     layout = problem.layout
     unit = block_lengths(problem, residual)
-    lanes, moved = layout.pad(impulses), layout.pad(velocity)
+    lanes, velocities = layout.pad(impulses), layout.pad(velocity)
     lanes[:, 1 + layout.sliding :] /= unit[:, None]
-    moved[:, 1 + layout.sliding :] *= unit[:, None]
-    with_none = np.append(residual.alpha * residual.lengths**2, 0.0)  # law −1 selects the last entry
-    block_alpha = np.maximum(with_none[layout.normal_law], with_none[layout.friction_law])
+    velocities[:, 1 + layout.sliding :] *= unit[:, None]
+    law_alpha = np.append(residual.alpha * residual.lengths**2, 0.0)  # law −1 selects the last entry
+    block_alpha = np.maximum(law_alpha[layout.normal_law], law_alpha[layout.friction_law])
     step = 1.0 / np.where(block_alpha > 0, block_alpha, np.inf)
-    target = lanes - step[:, None] * moved
+    target = lanes - step[:, None] * velocities
     projected = onto_contact_cones(layout, target, layout.friction_coefficient, layout.fixed_bound, unit)
     difference = lanes - projected
     held = block_alpha * np.sqrt((lanes**2).sum(axis=1))
     violation = block_alpha * np.sqrt(difference[:, 0] ** 2 + (difference[:, 1:] ** 2).sum(axis=1))
     violation = np.maximum(violation, PROJECTION_ROUNDINGS * UNIT * held)
     frictionless = (layout.friction_law < 0) & (layout.rolling_law < 0)
-    violation[frictionless] = np.abs(np.minimum(block_alpha * lanes[:, 0], moved[:, 0]))[frictionless]
-    violation[layout.is_bilateral] = np.abs(moved[layout.is_bilateral, 0])
-    of_law = np.zeros(problem.laws.n_laws)
+    violation[frictionless] = np.abs(np.minimum(block_alpha * lanes[:, 0], velocities[:, 0]))[frictionless]
+    violation[layout.is_bilateral] = np.abs(velocities[layout.is_bilateral, 0])
+    law_violations = np.zeros(problem.laws.n_laws)
     owner = np.where(layout.normal_law >= 0, layout.normal_law, layout.friction_law)
-    of_law[owner] = violation
-    return of_law
+    law_violations[owner] = violation
+    return law_violations
 
 
 def block_lengths(problem: ContactProblem, residual: Residual) -> FloatArray:
@@ -382,10 +385,12 @@ def _pyramid_violations(
     violations = residual.of_laws(impulses, velocity)
     spatial = np.flatnonzero(laws.is_friction & ~laws.is_rolling & (laws.row_count == 2) & (alpha > 0))
     rows = laws.first_row[spatial]
-    held = np.column_stack([impulses[rows], impulses[rows + 1]])
-    moved = np.column_stack([velocity[rows], velocity[rows + 1]])
-    target = held - moved / alpha[spatial, None]
+    tangential = np.column_stack([impulses[rows], impulses[rows + 1]])
+    velocities = np.column_stack([velocity[rows], velocity[rows + 1]])
+    target = tangential - velocities / alpha[spatial, None]
     projected = onto_polygon(target, laws.friction_bounds(impulses)[spatial], sides)
-    hidden = PROJECTION_ROUNDINGS * UNIT * np.sqrt((held**2).sum(axis=1))
-    violations[spatial] = alpha[spatial] * np.maximum(np.sqrt(((held - projected) ** 2).sum(axis=1)), hidden)
+    possible_error = PROJECTION_ROUNDINGS * UNIT * np.sqrt((tangential**2).sum(axis=1))
+    violations[spatial] = alpha[spatial] * np.maximum(
+        np.sqrt(((tangential - projected) ** 2).sum(axis=1)), possible_error
+    )
     return violations

@@ -77,9 +77,9 @@ class Stop:
     max_seconds: float = 60.0
 
     def __post_init__(self) -> None:
-        given: tuple[object, ...] = (self.tolerance, self.max_iterations, self.max_seconds)
-        if not all(isinstance(value, Real) for value in given):
-            shown = "{!r}, {!r} and {!r}".format(*given)
+        values: tuple[object, ...] = (self.tolerance, self.max_iterations, self.max_seconds)
+        if not all(isinstance(value, Real) for value in values):
+            shown = "{!r}, {!r} and {!r}".format(*values)
             raise SolverError(f"`tolerance`, `max_iterations` and `max_seconds` must be numbers, got {shown}.")
         if not self.tolerance > 0:
             raise SolverError(f"`tolerance` must be positive, got {self.tolerance:g}; choose one such as 1e-6.")
@@ -101,17 +101,17 @@ def start_impulses(start: FloatArray | None, n_rows: int) -> FloatArray:
     """Return the second argument of ``Prepared.solve`` as a fresh array, shape (n_rows,); zeros for None.
 
     Raises:
-        ProblemError: if it has the wrong shape, or is not made of finite real numbers.
+        ProblemError: if ``start`` has the wrong shape, or is not made of finite real numbers.
     """
     if start is None:
         return np.zeros(n_rows)
-    first = np.array(real_numbers(start, "start"), dtype=np.float64)
-    if first.shape != (n_rows,):
-        raise ProblemError(f"start must have shape ({n_rows},), one entry per row; got {first.shape}.")
-    if not np.isfinite(first).all():
-        row = int(np.flatnonzero(~np.isfinite(first))[0])
-        raise ProblemError(f"start[{row}] = {first[row]} must be finite; omit start to begin from zero.")
-    return first
+    impulses = np.array(real_numbers(start, "start"), dtype=np.float64)
+    if impulses.shape != (n_rows,):
+        raise ProblemError(f"start must have shape ({n_rows},), one entry per row; got {impulses.shape}.")
+    if not np.isfinite(impulses).all():
+        row = int(np.flatnonzero(~np.isfinite(impulses))[0])
+        raise ProblemError(f"start[{row}] = {impulses[row]} must be finite; omit start to begin from zero.")
+    return impulses
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,29 +179,29 @@ class Solver(Protocol):
         ...
 
     def supports(self, problem: ContactProblem) -> str | None:
-        """Return why the solver cannot solve ``problem``, or None."""
+        """Return why the solver cannot solve ``problem``, or None if it can."""
         ...
 
     def prepare(self, problem: ContactProblem) -> Prepared:
-        """Do the work that depends on the problem alone."""
+        """Do the work that depends on the problem alone, and return the solver prepared for ``problem``."""
         ...
 
 
 def shows_iterates(solver: Solver) -> bool:
-    """Whether ``solver`` calls its observer once per iteration."""
+    """Return whether ``solver`` calls its observer once per iteration."""
     return bool(getattr(solver, "has_iterates", True))
 
 
 def threads_of(solver: Solver) -> int:
-    """Number of threads that ``solver`` declares."""
+    """Return the number of threads that ``solver`` declares; 1 by default."""
     return int(getattr(solver, "threads", 1))
 
 
 def draws_randomly(solver: Solver) -> bool:
-    """Whether ``solver`` declares that its results differ between repeats."""
+    """Return whether ``solver`` declares that its results differ between repeats."""
     return bool(getattr(solver, "is_randomised", False))
 
 
 def starts_from_last_answer(solver: Solver) -> bool:
-    """Whether a run starts ``solver`` from its solution of the previous step, as ``Warm`` declares."""
+    """Return whether a run starts ``solver`` from its solution of the previous step, as ``Warm`` declares."""
     return bool(getattr(solver, "starts_warm", False))

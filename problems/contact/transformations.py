@@ -33,8 +33,8 @@ class TransformedProblem:
 
     def impulses(self, transformed: ArrayLike) -> FloatArray:
         """Return Λ of the old problem, shape (old rows,), from Λ' of the new one."""
-        found: FloatArray = self.back @ np.asarray(transformed, dtype=np.float64)
-        return found
+        original: FloatArray = self.back @ np.asarray(transformed, dtype=np.float64)
+        return original
 
 
 def permuted(problem: ContactProblem, order: ArrayLike) -> TransformedProblem:
@@ -46,32 +46,36 @@ def permuted(problem: ContactProblem, order: ArrayLike) -> TransformedProblem:
     contacts = np.asarray(order, dtype=np.int64)
     if not np.array_equal(np.sort(contacts), np.arange(problem.n_contacts)):
         raise ProblemError(f"order must be a permutation of 0 to {problem.n_contacts - 1}.")
-    chosen = _laws_of_contacts(problem)
-    laws = np.concatenate([chosen[contact] for contact in contacts]) if len(contacts) else np.zeros(0, dtype=np.int64)
-    place = np.empty(len(laws) + 1, dtype=np.int64)
-    place[laws] = np.arange(len(laws))
-    place[-1] = -1  # partner −1 selects this entry
+    members = _laws_of_contacts(problem)
+    laws = np.concatenate([np.zeros(0, dtype=np.int64), *(members[contact] for contact in contacts)])
+    new_index = np.empty(len(laws) + 1, dtype=np.int64)
+    new_index[laws] = np.arange(len(laws))
+    new_index[-1] = -1  # partner −1 selects this entry
     old = problem.laws
-    new_laws = old.subset(laws, place[old.partner[laws]])
+    new_laws = old.subset(laws, new_index[old.partner[laws]])
     return _congruent(problem, _selection(problem, _rows_of_laws(old, laws)), new_laws, "permuted")
 
 
 def rotated(problem: ContactProblem, angles: ArrayLike) -> TransformedProblem:
-    """Return the problem with the first two axes of each friction law rotated by an angle [rad], shape (n_laws,).
+    """Return the problem with the first two axes of each friction law rotated.
 
-    These are the tangents of spatial friction, and two of the axes of rolling about two or three axes.
+    These are the tangents of spatial friction, and the first two axes of rolling about two or three axes.
+
+    Args:
+        problem: the problem.
+        angles: angle of each law [rad], shape (n_laws,), or one angle for all; ignored for laws of one row.
     """
-    turn = np.broadcast_to(np.asarray(angles, dtype=np.float64), (problem.laws.n_laws,))
+    angle_of_law = np.broadcast_to(np.asarray(angles, dtype=np.float64), (problem.laws.n_laws,))
     back = sp.lil_array(sp.eye_array(problem.n_rows))
     for law in np.flatnonzero(problem.laws.row_count > 1):
-        row, cos, sin = int(problem.laws.first_row[law]), np.cos(turn[law]), np.sin(turn[law])
+        row, cos, sin = int(problem.laws.first_row[law]), np.cos(angle_of_law[law]), np.sin(angle_of_law[law])
         back[row, row], back[row, row + 1] = cos, -sin
         back[row + 1, row], back[row + 1, row + 1] = sin, cos
     return _congruent(problem, sp.csr_array(back), problem.laws, "rotated")
 
 
 def duplicated(problem: ContactProblem, contact: int) -> TransformedProblem:
-    """Return the problem with a copy of one contact at the end; its old Λ is the sum of the two new ones.
+    """Return the problem with a copy of one contact at the end; the impulses of both add up to the old one.
 
     A fixed bound is split between the copies.
 
@@ -135,24 +139,24 @@ def _in_units_without_rolling(problem: ContactProblem, mass: float, length: floa
 def _in_units_with_rolling(problem: ContactProblem, mass: float, length: float, time: float) -> TransformedProblem:
     """Return a problem with rolling friction in other units: scale its rows by ``length``, then change units."""
     laws = problem.laws
-    rolls = np.repeat(laws.is_rolling, laws.row_count)
-    scale = np.where(rolls, length, 1.0)
-    of_law = np.where(laws.is_rolling, 1.0 / length, 1.0)
-    coefficient, fixed = of_law * laws.friction_coefficient, of_law * laws.fixed_bound
+    is_rolling_row = np.repeat(laws.is_rolling, laws.row_count)
+    scale = np.where(is_rolling_row, length, 1.0)
+    law_scale = np.where(laws.is_rolling, 1.0 / length, 1.0)
+    coefficient, fixed = law_scale * laws.friction_coefficient, law_scale * laws.fixed_bound
     scaled = _congruent(
         problem,
         sp.csr_array(sp.diags_array(scale)),
         replace(laws, friction_coefficient=coefficient, fixed_bound=fixed),
         "in other units",
     )
-    answer, known = problem.answer, scaled.problem.answer
-    if answer is not None and known is not None:
-        known = replace(
-            known,
-            impulses=tuple(one / scale for one in answer.impulses),
+    answer, new_answer = problem.answer, scaled.problem.answer
+    if answer is not None and new_answer is not None:
+        new_answer = replace(
+            new_answer,
+            impulses=tuple(vector / scale for vector in answer.impulses),
             witness=None if answer.witness is None else answer.witness / scale,
         )
-    converted = _in_units_without_rolling(replace(scaled.problem, answer=known), mass, length, time)
+    converted = _in_units_without_rolling(replace(scaled.problem, answer=new_answer), mass, length, time)
     return TransformedProblem(
         replace(converted.problem, name=f"{problem.name} in other units"), scaled.back @ converted.back
     )
@@ -161,7 +165,8 @@ def _in_units_with_rolling(problem: ContactProblem, mass: float, length: float, 
 def united(problems: Sequence[ContactProblem]) -> ContactProblem:
     """Return uncoupled problems as one problem in Delassus form, with their answers.
 
-    Velocities and sums are known if they are known for all parts, impulses if each part has exactly one solution.
+    Velocities are known if they are known for all parts, impulses if each part has exactly one solution. Sums that are
+    known for a part remain known.
     """
     matrix = sp.block_diag([problem.delassus() for problem in problems], format="csr")
     c = np.concatenate([problem.free_velocity for problem in problems])
@@ -173,7 +178,7 @@ def _united_answer(problems: Sequence[ContactProblem]) -> Answer:
     answers = [problem.answer or Answer() for problem in problems]
     if not all(answer.solvable for answer in answers):
         return Answer(solvable=False)
-    has_one = all(len(answer.impulses) == 1 for answer in answers)
+    is_unique = all(len(answer.impulses) == 1 for answer in answers)
     velocities = [answer.velocity for answer in answers if answer.velocity is not None]
     parts = [
         np.zeros((0, problem.n_rows)) if answer.functionals is None else answer.functionals
@@ -182,7 +187,7 @@ def _united_answer(problems: Sequence[ContactProblem]) -> Answer:
     values = [answer.values for answer in answers if answer.values is not None]
     has_sums = any(len(part) for part in parts)
     return Answer(
-        impulses=(np.concatenate([answer.impulses[0] for answer in answers]),) if has_one else (),
+        impulses=(np.concatenate([answer.impulses[0] for answer in answers]),) if is_unique else (),
         velocity=np.concatenate(velocities) if len(velocities) == len(answers) else None,
         functionals=sp.block_diag(parts).toarray() if has_sums else None,
         values=np.concatenate(values) if has_sums else None,

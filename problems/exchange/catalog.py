@@ -26,7 +26,7 @@ FUNNEL_SIZES = (30, 100, 300, 1000)
 """Numbers of balls in the problems of the suite ``funnel``."""
 
 PILE_SIZES = (100, 300, 1000)
-"""Numbers of balls in the piles of that suite."""
+"""Numbers of balls in the piles of the suite ``funnel``."""
 
 MIXED_PILES = tuple(f"pile-400-mixed-{number}" for number in range(1, 11))
 """Names of the piles whose friction coefficients differ from contact to contact."""
@@ -68,7 +68,7 @@ BODY_GROUPS: dict[str, list[str]] = {
 }
 """The problems of the suite ``bodies`` by group, without the prefix ``bodies-``.
 
-Their names differ from those of the groups of hard cases."""
+The group names differ from those of hard cases."""
 
 SEQUENCES = (
     "flow-30",
@@ -107,7 +107,7 @@ SEQUENCE_MEMBERS = {name: [f"sequence-{name}-{step}" for step in range(SEQUENCE_
 
 _SEQUENCES = [step for steps in SEQUENCE_MEMBERS.values() for step in steps]
 
-_WOODPECKER = [f"woodpecker-{incident}" for incident in WOODPECKER_SWITCHES]
+_WOODPECKER = [f"woodpecker-{switch}" for switch in WOODPECKER_SWITCHES]
 
 SUITES: dict[str, list[str]] = {
     "quick": [
@@ -133,9 +133,9 @@ SUITES: dict[str, list[str]] = {
 
 def cache_folder() -> Path:
     """Return the folder of generated problems: $PROXBENCH_CACHE, else proxbench in the user's cache folder."""
-    chosen = os.environ.get("PROXBENCH_CACHE")
-    if chosen:
-        return Path(chosen)
+    override = os.environ.get("PROXBENCH_CACHE")
+    if override:
+        return Path(override)
     base = os.environ.get("XDG_CACHE_HOME")
     return (Path(base) if base else Path.home() / ".cache") / "proxbench"
 
@@ -157,7 +157,7 @@ def suite_members(name: str) -> list[str]:
 
 
 def problem_names() -> list[str]:
-    """Return the names of all standard problems, of those of plugins, and of those in the cache folder."""
+    """Return the names of the standard problems, of plugin problems, and of problems in the cache folder."""
     cached = {path.name.removesuffix(SUFFIX) for path in cache_folder().glob(f"*{SUFFIX}")}
     known = [*SUITES["all"], *(offer.name for offer in plugin_problems() if not offer.rejection)]
     return [*known, *sorted(cached.difference(known))]
@@ -169,17 +169,21 @@ def plugin_problems() -> list[Offer]:
 
 
 def is_shipped(name: str) -> bool:
-    """Whether the problem is part of the package, as a hard case or in the frozen library."""
-    return name in HARD_CASES or _frozen(name) is not None
+    """Return whether the problem is part of the package, as a hard case or in the frozen library."""
+    return name in HARD_CASES or _frozen_file(name) is not None
 
 
 def is_available(name: str) -> bool:
-    """Whether ``load`` finds the problem without generating it."""
-    return is_shipped(name) or _cached(name).is_file() or (name not in SUITES["all"] and _offer(name) is not None)
+    """Return whether ``load`` finds the problem without generating it."""
+    return (
+        is_shipped(name)
+        or _cached_file(name).is_file()
+        or (name not in SUITES["all"] and _plugin_offer(name) is not None)
+    )
 
 
 def is_path(name: str | Path) -> bool:
-    """Whether ``load`` treats ``name`` as a path: a ``Path``, or text that ends in .npz, .json, .hdf5 or .h5."""
+    """Return whether ``load`` treats ``name`` as a path: a ``Path``, or text that ends in .npz, .json, .hdf5 or .h5."""
     return isinstance(name, Path) or name.endswith(SUFFIXES) or is_fclib_name(name)
 
 
@@ -200,8 +204,8 @@ def load(name: str | Path) -> ContactProblem:
             nearest one), the problem has not been generated yet, or the file is missing or damaged.
         PluginError: if a plugin offers the name but does not return a problem.
     """
-    given: object = name
-    if not isinstance(given, str | Path):
+    argument: object = name
+    if not isinstance(argument, str | Path):
         raise ProblemError(
             f"load takes the name of a problem or the path of a file, not {type(name).__name__}; for a matrix G, call "
             "ContactProblem.from_delassus(G, c, mu)."
@@ -211,23 +215,23 @@ def load(name: str | Path) -> ContactProblem:
     assert isinstance(name, str)
     if name in HARD_CASES:
         return hard_case(name)
-    frozen = _frozen(name)
+    frozen = _frozen_file(name)
     if frozen is not None:
         with frozen.open("rb") as file:
             return read_problem(file, label=f"frozen problem {name!r}")
-    offer = None if name in SUITES["all"] else _offer(name)
+    offer = None if name in SUITES["all"] else _plugin_offer(name)
     if offer is not None:
-        return _built(offer)
-    if _cached(name).is_file():
-        return read_problem(_cached(name))
+        return _plugin_problem(offer)
+    if _cached_file(name).is_file():
+        return read_problem(_cached_file(name))
     if name in SUITES["all"]:
         raise ProblemError(f"problem {name!r} has not been generated yet; run: proxbench generate {name}")
     if os.path.exists(name) or "/" in name:
-        raise ProblemError(_not_a_problem_file(name))
+        raise ProblemError(_path_error(name))
     raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names(), LIST_PROBLEMS_COMMAND)}")
 
 
-def _not_a_problem_file(path: str) -> str:
+def _path_error(path: str) -> str:
     """Return why a path is not that of a problem file, and the remedy."""
     if not os.path.exists(path):
         return f"there is no problem or file {path!r}; name a problem, or a file that exists."
@@ -253,11 +257,11 @@ def suite(name: str) -> list[ContactProblem]:
     return [load(member) for member in suite_members(name)]
 
 
-def _offer(name: str) -> Offer | None:
+def _plugin_offer(name: str) -> Offer | None:
     return next((offer for offer in plugin_problems() if offer.name == name), None)
 
 
-def _built(offer: Offer) -> ContactProblem:
+def _plugin_problem(offer: Offer) -> ContactProblem:
     """Return the problem of a plugin, under the name of the offer."""
     head = f"problem {offer.name!r} of {offer.source}"
     make = offer.load()
@@ -274,16 +278,17 @@ def _built(offer: Offer) -> ContactProblem:
 
 
 def _is_plain(name: str) -> bool:
+    """Return whether a name starts with a letter or digit, followed by letters, digits, dots, underscores or dashes."""
     return re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name) is not None
 
 
-def _cached(name: str) -> Path:
-    """Return the path of a generated problem; for a name with path separators, this file does not exist."""
+def _cached_file(name: str) -> Path:
+    """Return the path of a generated problem; for a name that is not plain, this file does not exist."""
     return cache_folder() / f"{name if _is_plain(name) else '-'}{SUFFIX}"
 
 
-def _frozen(name: str) -> Traversable | None:
-    """Return the library file of a problem; None if there is none, or the name has path separators."""
+def _frozen_file(name: str) -> Traversable | None:
+    """Return the library file of a problem; None if there is none."""
     if not _is_plain(name):
         return None
     file = resources.files(library).joinpath(f"{name}{SUFFIX}")

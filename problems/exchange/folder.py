@@ -17,6 +17,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ DESCRIPTION = "suite.toml"
 """The file that describes the suite of a folder."""
 
 MAX_DESCRIPTION_BYTES = 1_000_000
-"""Largest size of that file [bytes]."""
+"""Largest size of ``suite.toml`` [bytes]."""
 
 KEYS = ("name", "order", "exclude", "groups")
 """Keys that ``suite.toml`` may have."""
@@ -39,9 +40,9 @@ class Member:
     """One problem of a folder.
 
     Attributes:
-        name: name of the file, preceded by its folders if several files share it.
+        name: stem of the file name, preceded by its folders if several files share it.
         path: the file, as ``load`` accepts it.
-        family: its family.
+        family: family of the problem.
     """
 
     name: str
@@ -55,7 +56,7 @@ class FolderSuite:
 
     Attributes:
         name: name of the suite.
-        members: its problems, in order.
+        members: the problems, in order.
         broken: files that cannot be members, each with a sentence that gives the reason.
     """
 
@@ -66,6 +67,8 @@ class FolderSuite:
 
 @dataclass(frozen=True)
 class _Description:
+    """The entries of ``suite.toml``; ``groups`` is None without the file."""
+
     name: str
     order: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()
@@ -81,35 +84,36 @@ def list_folder(folder: Path | str) -> FolderSuite:
     folder = Path(folder)
     if not folder.is_dir():
         raise ProblemError(f"there is no folder {folder}.")
-    described = _read_description(folder)
+    description = _read_description(folder)
     files = {
         file.relative_to(folder).as_posix(): file
         for file in sorted(_files_below(folder))
         if is_path(file.name) and file.is_file() and not _is_hidden(file.relative_to(folder))
     }
-    groups = described.groups or {}
-    for pattern in (*described.order, *described.exclude, *(one for patterns in groups.values() for one in patterns)):
-        if not any(fnmatchcase(place, pattern) for place in files):
+    groups = description.groups or {}
+    for pattern in chain(description.order, description.exclude, *groups.values()):
+        if not any(fnmatchcase(relative, pattern) for relative in files):
             raise ProblemError(f"{folder / DESCRIPTION}: the pattern {pattern!r} matches no problem file; correct it.")
-    kept = [place for place in files if not _matches(place, described.exclude)]
-    if not kept:
+    included = [relative for relative in files if not _matches(relative, description.exclude)]
+    if not included:
         raise ProblemError(f"there is no problem in {folder}; problem files end in .npz, .json, .hdf5 or .h5.")
-    kept.sort(key=lambda place: (_first_match(place, described.order), place))
-    names = _names(kept)
-    members, broken, first = [], [], dict[str, str]()
-    for place in kept:
-        name = names[place]
-        if name in first:
-            broken.append((files[place], f"{files[place]} has the name of {files[first[name]]}; rename or exclude it."))
+    included.sort(key=lambda relative: (_first_match(relative, description.order), relative))
+    names = _names(included)
+    members, broken, path_of_name = [], [], dict[str, str]()
+    for relative in included:
+        name = names[relative]
+        if name in path_of_name:
+            reason = f"{files[relative]} has the name of {files[path_of_name[name]]}; rename or exclude it."
+            broken.append((files[relative], reason))
             continue
-        first[name] = place
-        members.append(Member(name, files[place], _family(place, groups)))
-    return FolderSuite(described.name, tuple(members), tuple(broken))
+        path_of_name[name] = relative
+        members.append(Member(name, files[relative], _family(relative, groups)))
+    return FolderSuite(description.name, tuple(members), tuple(broken))
 
 
 def _files_below(folder: Path) -> list[Path]:
     """Return the files below a folder, except in folders that vanish or cannot be read."""
-    return [Path(place, name) for place, _, names in os.walk(folder) for name in names]
+    return [Path(subfolder, name) for subfolder, _, names in os.walk(folder) for name in names]
 
 
 def _read_description(folder: Path) -> _Description:
@@ -141,37 +145,37 @@ def _read_description(folder: Path) -> _Description:
     )
 
 
-def _patterns(given: Any, file: Path, key: str) -> tuple[str, ...]:
-    if not isinstance(given, list) or not all(isinstance(pattern, str) for pattern in given):
+def _patterns(value: Any, file: Path, key: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(pattern, str) for pattern in value):
         raise ProblemError(f"{file}: {key} must be a list of patterns, each a string.")
-    return tuple(given)
+    return tuple(value)
 
 
-def _names(places: Sequence[str]) -> dict[str, str]:
+def _names(paths: Sequence[str]) -> dict[str, str]:
     """Return the stem of each file, preceded by its folders if several files share it."""
-    stems = [Path(place).stem for place in places]
-    several = {stem for stem in stems if stems.count(stem) > 1} if len(set(stems)) < len(stems) else set()
+    stems = [Path(path).stem for path in paths]
+    shared = {stem for stem in stems if stems.count(stem) > 1} if len(set(stems)) < len(stems) else set()
     return {
-        place: "-".join((*Path(place).parts[:-1], stem)) if stem in several else stem
-        for place, stem in zip(places, stems, strict=True)
+        path: "-".join((*Path(path).parts[:-1], stem)) if stem in shared else stem
+        for path, stem in zip(paths, stems, strict=True)
     }
 
 
-def _family(place: str, groups: Mapping[str, Sequence[str]]) -> str:
+def _family(relative: str, groups: Mapping[str, Sequence[str]]) -> str:
     for family, patterns in groups.items():
-        if _matches(place, patterns):
+        if _matches(relative, patterns):
             return family
-    path = Path(place)
+    path = Path(relative)
     return path.parent.as_posix() if len(path.parts) > 1 else family_of(path.stem)
 
 
-def _matches(place: str, patterns: Sequence[str]) -> bool:
-    return any(fnmatchcase(place, pattern) for pattern in patterns)
+def _matches(relative: str, patterns: Sequence[str]) -> bool:
+    return any(fnmatchcase(relative, pattern) for pattern in patterns)
 
 
-def _first_match(place: str, patterns: Sequence[str]) -> int:
+def _first_match(relative: str, patterns: Sequence[str]) -> int:
     """Return the index of the first pattern that matches, or the number of patterns if none does."""
-    return next((index for index, pattern in enumerate(patterns) if fnmatchcase(place, pattern)), len(patterns))
+    return next((index for index, pattern in enumerate(patterns) if fnmatchcase(relative, pattern)), len(patterns))
 
 
 def _is_hidden(path: Path) -> bool:

@@ -1,6 +1,6 @@
 """Sizes and laws of the shipped problems, stored with the frozen library, so that listing does not build problems.
 
-``python -m proxbench.problems.exchange.index`` rewrites the file; run it after adding or changing a problem.
+``python -m proxbench.problems.exchange.index`` rewrites ``index.json``; run it after adding or changing a problem.
 """
 
 import json

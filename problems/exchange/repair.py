@@ -29,7 +29,7 @@ MAX_ASYMMETRY = 1e-2
 """max |A − Aᵀ| / max |A| up to which "mean" applies; beyond it, the difference is not rounding."""
 
 MAX_NEGATIVE = 1e-6
-"""Largest |negative eigenvalue|, relative to the largest one, to which "project" applies."""
+"""Largest magnitude of a negative eigenvalue, relative to the largest one, that "project" replaces by 0."""
 
 MAX_ROWS = 5000
 """Largest number of rows of a matrix to project, for which all eigenvalues are computed."""
@@ -68,15 +68,15 @@ class Repair:
 
     def __post_init__(self) -> None:
         for option, known in (("symmetry", get_args(Symmetry)), ("indefinite", get_args(Indefinite))):
-            word = getattr(self, option)
-            if word not in known:
-                raise ProblemError(f"`{option}` {word!r} is unknown{suggestion(str(word), known)}")
+            remedy = getattr(self, option)
+            if remedy not in known:
+                raise ProblemError(f"`{option}` {remedy!r} is unknown{suggestion(str(remedy), known)}")
 
     def delassus(self, matrix: sp.csr_array[Any], name: str = "G") -> tuple[sp.csr_array[Any], dict[str, Any], bool]:
         """Return a repaired Delassus matrix, the entries of the provenance, and whether it remains asymmetric.
 
         Raises:
-            ProblemError: if the remedy does not apply to it.
+            ProblemError: if the remedy does not apply to the matrix.
         """
         matrix, notes = symmetric(matrix, name, self.symmetry)
         return self.semidefinite(matrix, notes)
@@ -96,7 +96,7 @@ class Repair:
         """Return a repaired mass matrix, and the entries of the provenance.
 
         Raises:
-            ProblemError: if the remedy does not apply to it, or is "keep".
+            ProblemError: if the remedy does not apply to the matrix, or is "keep".
         """
         if self.symmetry == "keep":
             raise ProblemError("`symmetry` keep applies only to a Delassus matrix; a mass matrix M must be symmetric.")
@@ -113,21 +113,21 @@ def named_in_errors(name: str, file_format: str, repair: Repair) -> Iterator[Non
 
     Args:
         name: the path of the file.
-        file_format: its format, as ``proxbench import`` calls it.
+        file_format: format of the file, as ``proxbench import`` calls it.
         repair: the remedies that did not suffice; the command keeps those that differ from the defaults.
     """
     command = f"run: proxbench import {file_format} {shlex.quote(name)}"
     try:
         yield
     except IndefiniteError as error:
-        chosen = "" if repair.symmetry == Repair.symmetry else f" --symmetry {repair.symmetry}"
+        option = "" if repair.symmetry == Repair.symmetry else f" --symmetry {repair.symmetry}"
         raise ProblemError(
             f"{name}: {str(error).rstrip('.')}; correct the matrix, or, if the negative eigenvalue is a rounding "
-            f"error of at most {MAX_NEGATIVE:g} of the largest, {command}{chosen} --indefinite project --output NEW.npz"
+            f"error of at most {MAX_NEGATIVE:g} of the largest, {command}{option} --indefinite project --output NEW.npz"
         ) from None
     except AsymmetricError as error:
-        chosen = "" if repair.indefinite == Repair.indefinite else f" --indefinite {repair.indefinite}"
-        raise ProblemError(f"{name}: {error.reason}; {command} --symmetry {error.remedy}{chosen}") from None
+        option = "" if repair.indefinite == Repair.indefinite else f" --indefinite {repair.indefinite}"
+        raise ProblemError(f"{name}: {error.reason}; {command} --symmetry {error.remedy}{option}") from None
     except ProblemError as error:
         raise ProblemError(f"{name}: {error}") from None
 
@@ -144,8 +144,8 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
 
     Args:
         matrix: A, square.
-        name: its name in messages.
-        how: the remedy. Asymmetry within rounding, 1e-12 of the largest entry, needs none.
+        name: name of the matrix in messages.
+        how: the remedy; asymmetry within rounding, 1e-12 of the largest entry, is ignored.
 
     Raises:
         AsymmetricError: if the asymmetry is larger than the remedy allows.
@@ -156,7 +156,7 @@ def symmetric(matrix: sp.csr_array[Any], name: str, how: Symmetry) -> tuple[sp.c
         return matrix, {}
     fault = f"{name} is asymmetric by {relative_asymmetry:.1e} of its largest entry"
     if how == "refuse" or (how == "mean" and not relative_asymmetry <= MAX_ASYMMETRY):
-        raise _asymmetric(fault, matrix, relative_asymmetry)
+        raise _asymmetric_error(fault, matrix, relative_asymmetry)
     repaired, remedy = matrix, "is kept unchanged"
     if how == "mean":
         repaired, remedy = sp.csr_array(0.5 * (matrix + matrix.T)), f"is replaced by ({name} + {name}ᵀ)/2"
@@ -181,20 +181,20 @@ def semidefinite(matrix: sp.csr_array[Any]) -> tuple[sp.csr_array[Any], dict[str
     if not matrix.shape[0] or not np.isfinite(matrix.data).all():  # ContactProblem rejects NaN and inf
         return matrix, {}
     values, vectors = np.linalg.eigh(matrix.toarray().astype(np.float64))
-    least = float(values[0] / max(values[-1], np.finfo(np.float64).tiny))
-    if least >= -NEGATIVE_TOLERANCE:
+    lowest = float(values[0] / max(values[-1], np.finfo(np.float64).tiny))
+    if lowest >= -NEGATIVE_TOLERANCE:
         return matrix, {}
-    if least < -MAX_NEGATIVE:
+    if lowest < -MAX_NEGATIVE:
         raise ProblemError(
             f"G has the negative eigenvalue {values[0]:.3g} and the largest eigenvalue {values[-1]:.3g}; `indefinite` "
             f"project replaces only negative eigenvalues up to {MAX_NEGATIVE:g} of the largest one."
         )
-    kept = vectors[:, values > 0.0] * np.sqrt(values[values > 0.0])
+    root = vectors[:, values > 0.0] * np.sqrt(values[values > 0.0])
     remedy = "negative eigenvalues of G are replaced by 0"
-    return sp.csr_array(kept @ kept.T), {"least_eigenvalue": least, "eigenvalues": remedy}
+    return sp.csr_array(root @ root.T), {"least_eigenvalue": lowest, "eigenvalues": remedy}
 
 
-def _asymmetric(fault: str, matrix: sp.csr_array[Any], relative_asymmetry: float) -> AsymmetricError:
+def _asymmetric_error(fault: str, matrix: sp.csr_array[Any], relative_asymmetry: float) -> AsymmetricError:
     """Return the error with the remedy that suits the entries of a matrix."""
     if not sp.triu(matrix, 1).count_nonzero():
         return AsymmetricError(f"{fault}, and only its lower triangle has entries", "lower")

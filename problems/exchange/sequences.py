@@ -101,14 +101,14 @@ def predecessors(problem: ContactProblem, find: Callable[[str], ContactProblem |
     """
     steps, step = list[ContactProblem](), problem
     while name := step.provenance.get(BEFORE):
-        found = find(str(name))
-        if found is None:
+        previous = find(str(name))
+        if previous is None:
             return Predecessors(missing=f"it follows {name}, which is not available; add it to the run or generate it")
-        if not (found.keys and step.keys and _step_number(found) == _step_number(step) - 1):
+        if not (previous.keys and step.keys and _step_number(previous) == _step_number(step) - 1):
             reason = f"{name} and {step.name} are not consecutive steps, or their contacts have no keys"
             return Predecessors(missing=reason)
-        steps.insert(0, found)
-        step = found
+        steps.insert(0, previous)
+        step = previous
     return Predecessors(tuple(steps)) if steps else NO_PREDECESSORS
 
 

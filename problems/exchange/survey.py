@@ -36,8 +36,8 @@ class Survey:
     """The description of one file.
 
     Attributes:
-        file: its path.
-        title: the title of its problem.
+        file: path of the file.
+        title: title of the problem; may be empty.
         form: "G" or "factors", the form in which the problem is stored.
         contacts: number of contacts.
         joints: number of bilateral rows.
@@ -47,9 +47,9 @@ class Survey:
         friction: smallest and largest μ, 0 without friction.
         rolling_friction: smallest and largest μ_r [m]; ``None`` without rolling friction.
         asymmetry: max |A − Aᵀ| / max |A| of its Delassus or mass matrix, 0 within rounding.
-        conditioning: largest condition number of the block of G of one contact, inf for a singular one.
+        conditioning: largest condition number of the diagonal block of G of a contact, inf if singular.
         guesses: number of stored guesses.
-        solution: judged residual of the stored impulses; ``None`` if none were written.
+        solution: the judge's residual of the stored impulses; ``None`` if there are none.
         own_solution: residual of these impulses in the engine's own model; ``None`` without such a model.
     """
 
@@ -79,7 +79,7 @@ def survey(path: Path) -> Survey:
     problem = _read(path)
     laws, provenance = problem.laws, problem.provenance
     rolling = laws.friction_coefficient[laws.is_rolling]
-    residual, own = (provenance.get(key) for key in (RESIDUAL_KEY, OWN_RESIDUAL_KEY))
+    residual, own_residual = (provenance.get(key) for key in (RESIDUAL_KEY, OWN_RESIDUAL_KEY))
     joints = laws.n_joint_rows
     return Survey(
         file=str(path),
@@ -96,7 +96,7 @@ def survey(path: Path) -> Survey:
         conditioning=float(block_conditioning(problem).max(initial=0.0)),
         guesses=int(provenance.get(GUESSES, 0)),
         solution=None if residual is None else float(residual),
-        own_solution=None if own is None else float(own),
+        own_solution=None if own_residual is None else float(own_residual),
     )
 
 
@@ -104,21 +104,21 @@ def _read(path: Path) -> ContactProblem:
     """Return the problem of a file, read with the first repair that applies.
 
     Raises:
-        ProblemError: the error of the default repair, because the reader has not chosen the other ones.
+        ProblemError: if no repair applies; the error is that of the default repair.
     """
     try:
         return _read_with(path, Repair())
     except ProblemError as error:
-        for way in _REPAIRS:
+        for repair in _REPAIRS:
             with suppress(ProblemError):
-                return _read_with(path, way)
+                return _read_with(path, repair)
         raise error
 
 
-def _read_with(path: Path, way: Repair) -> ContactProblem:
+def _read_with(path: Path, repair: Repair) -> ContactProblem:
     if is_fclib_name(path.name):
-        return read_fclib(path, way.symmetry, way.indefinite)
-    return read_problem(path, repair=way)
+        return read_fclib(path, repair.symmetry, repair.indefinite)
+    return read_problem(path, repair=repair)
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
@@ -126,18 +126,18 @@ def _range(values: FloatArray) -> tuple[float, float]:
 
 
 def problem_files(path: Path, suffixes: tuple[str, ...] = (*FCLIB_SUFFIXES, *SUFFIXES)) -> Iterator[Path]:
-    """Yield the file, or all files with one of the suffixes in a folder and its subfolders, sorted by name.
+    """Yield ``path`` if it is not a folder, else the files below it that have one of the suffixes, sorted by path.
 
     Raises:
-        ProblemError: if there are none.
+        ProblemError: if the folder has no such file.
     """
     if not path.is_dir():
         yield path
         return
-    found = sorted(file for file in path.rglob("*") if file.suffix in suffixes)
-    if not found:
+    files = sorted(file for file in path.rglob("*") if file.suffix in suffixes)
+    if not files:
         raise ProblemError(f"there is no file in {path} that ends in {' or '.join(suffixes)}.")
-    yield from found
+    yield from files
 
 
 def estimated_rank(problem: ContactProblem) -> int | None:
@@ -148,16 +148,16 @@ def estimated_rank(problem: ContactProblem) -> int | None:
     if that fails. G is symmetrised first.
     """
     delassus, diagonal = problem.delassus(), problem.delassus_diagonal
-    moved = np.flatnonzero(diagonal > 0.0)
-    if not len(moved):
+    active_rows = np.flatnonzero(diagonal > 0.0)
+    if not len(active_rows):
         return 0
-    scale = sp.diags_array(1.0 / np.sqrt(diagonal[moved]))
-    scaled: Any = scale @ sp.csr_array(0.5 * (delassus + delassus.T))[moved][:, moved] @ scale
+    scale = sp.diags_array(1.0 / np.sqrt(diagonal[active_rows]))
+    scaled: Any = scale @ sp.csr_array(0.5 * (delassus + delassus.T))[active_rows][:, active_rows] @ scale
     shift = RANK_TOLERANCE * float(abs(scaled).sum(axis=1).max())
-    shifted = sp.csc_array(scaled - shift * sp.eye_array(len(moved)))
-    symmetric = {"SymmetricMode": True}
+    shifted = sp.csc_array(scaled - shift * sp.eye_array(len(active_rows)))
+    options = {"SymmetricMode": True}
     try:
-        factors = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+        factors = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     except (RuntimeError, MemoryError):
         return None
     if not np.array_equal(factors.perm_r, factors.perm_c):
@@ -173,5 +173,5 @@ def block_conditioning(problem: ContactProblem) -> FloatArray:
     blocks, layout = problem.delassus_blocks(), problem.layout
     lengths = layout.pad(row_lengths(problem))
     diagonal = (blocks.values[blocks.starts[:-1]] * lengths[:, :, None] * lengths[:, None, :])[~layout.is_bilateral]
-    found: FloatArray = np.linalg.cond(diagonal) if len(diagonal) else np.zeros(0)
-    return np.where(np.isfinite(found), found, np.inf)
+    conditions: FloatArray = np.linalg.cond(diagonal) if len(diagonal) else np.zeros(0)
+    return np.where(np.isfinite(conditions), conditions, np.inf)

@@ -42,8 +42,8 @@ def body_problem(
         answer: the known part of the solution.
         laws: any laws, instead of ``friction`` and ``dim``.
     """
-    given = directions, inverse_mass, directions.T @ motion, friction, dim
-    return ContactProblem.from_factors(*given, laws=laws, free_motion=motion, answer=answer)
+    arguments = directions, inverse_mass, directions.T @ motion, friction, dim
+    return ContactProblem.from_factors(*arguments, laws=laws, free_motion=motion, answer=answer)
 
 
 def box_friction_impulses(delassus: FloatArray, c: FloatArray, bound: FloatArray) -> FloatArray:
@@ -57,7 +57,7 @@ def box_friction_impulses(delassus: FloatArray, c: FloatArray, bound: FloatArray
         c: the velocity without the two impulses, shape (2,).
         bound: b ≥ 0, shape (2,).
     """
-    best, least = np.zeros(2), np.inf
+    best, smallest = np.zeros(2), np.inf
     for sides in product((0.0, 1.0, -1.0), repeat=2):
         impulses = np.array(sides) * bound
         sticks = np.array(sides) == 0.0
@@ -66,6 +66,6 @@ def box_friction_impulses(delassus: FloatArray, c: FloatArray, bound: FloatArray
             impulses[sticks] = -np.linalg.solve(block, (delassus @ impulses + c)[sticks])
         argument = impulses - (delassus @ impulses + c) / delassus.diagonal()
         violation = float(np.abs(delassus.diagonal() * (impulses - np.clip(argument, -bound, bound))).max())
-        if violation < least:
-            best, least = np.clip(impulses, -bound, bound), violation
+        if violation < smallest:
+            best, smallest = np.clip(impulses, -bound, bound), violation
     return best

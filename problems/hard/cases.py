@@ -52,7 +52,7 @@ def _in_units(make: Maker, **units: float) -> ContactProblem:
     return in_units(make(), **units).problem
 
 
-_ten_high = partial(stacks.sliding_tower, np.ones(10))
+_tower_of_ten = partial(stacks.sliding_tower, np.ones(10))
 
 CASE_GROUPS: dict[str, dict[str, Maker]] = {
     "supports": {
@@ -204,8 +204,8 @@ CASE_GROUPS: dict[str, dict[str, Maker]] = {
         "hard-disconnected-parts-twice": mixed.disconnected_twice,
         "hard-slider-in-um-mg": partial(_in_units, supports.sliding_block, **_MILLIGRAM),
         "hard-slider-in-km-t": partial(_in_units, supports.sliding_block, **_TONNE),
-        "hard-tower-in-um-mg": partial(_in_units, _ten_high, **_MILLIGRAM),
-        "hard-tower-in-km-t": partial(_in_units, _ten_high, **_TONNE),
+        "hard-tower-in-um-mg": partial(_in_units, _tower_of_ten, **_MILLIGRAM),
+        "hard-tower-in-km-t": partial(_in_units, _tower_of_ten, **_TONNE),
         "hard-mixed-laws-in-um-mg": partial(_in_units, mixed.mixed_laws, **_MILLIGRAM),
         "hard-mixed-laws-in-km-t": partial(_in_units, mixed.mixed_laws, **_TONNE, time=3600.0),
     },

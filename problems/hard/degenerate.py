@@ -76,18 +76,19 @@ def immovable_contact(n: int = 2, dim: int = 1) -> ContactProblem:
 
 
 def immovable_among(n: int) -> ContactProblem:
-    """Return a sliding tower of ``n`` bodies with another ground contact of zero normal in the middle of the list.
+    """Return a sliding tower of ``n`` bodies with an additional contact that has a normal of zero length.
 
-    No impulse can stop the approach of this contact at 1 m/s. The problem of the other contacts has a solution.
+    The contact touches the ground and lies in the middle of the list. No impulse can stop its approach at 1 m/s. The
+    problem of the other contacts has a solution.
     """
     tower = sliding_tower(np.ones(n))
     assert tower.factors is not None
-    directions, place = tower.factors.force_directions.toarray(), 3 * (n // 2)
+    directions, column = tower.factors.force_directions.toarray(), 3 * (n // 2)
     added = np.column_stack([np.zeros(3 * n), directions[:, 1:3]])
     return ContactProblem.from_factors(
-        np.hstack([directions[:, :place], added, directions[:, place:]]),
+        np.hstack([directions[:, :column], added, directions[:, column:]]),
         tower.factors.inverse_mass.matrix,
-        np.insert(tower.free_velocity, [place] * 3, [-1.0, *tower.free_velocity[1:3]]),
+        np.insert(tower.free_velocity, [column] * 3, [-1.0, *tower.free_velocity[1:3]]),
         np.insert(tower.layout.friction_coefficient, n // 2, 0.2),
         answer=Answer(solvable=False),
     )

@@ -75,7 +75,7 @@ class LinkedFamily(Family):
 def random_linked_problem(family: LinkedFamily, seed: int) -> ContactProblem:
     """Return a random problem of ``family`` with a known solution, its joints after its contacts.
 
-    A contact that slides or sticks may roll or not, independently.
+    A closed contact rolls or does not roll, independently of whether it slides.
     """
     rng = np.random.default_rng(seed)
     laws = _contacts(family)
@@ -85,10 +85,10 @@ def random_linked_problem(family: LinkedFamily, seed: int) -> ContactProblem:
     directions, inverse_mass = _factors(family, rng, laws.n_rows)
     sliding = [part.reshape(family.n_contacts, -1) for part in _complementary(family, rng)]
     rolling = [np.zeros((family.n_contacts, family.rolling_rows)) for _ in range(2)]
-    rolls = [state for state in family.states if state in ("stick", "slip", "edge")]
+    rolling_states = [state for state in family.states if state in ("stick", "slip", "edge")]
     for contact in range(family.n_contacts if family.rolling_rows else 0):
         bound = family.rolling_friction * sliding[0][contact, 0]
-        state = rng.choice(rolls) if bound else "slip"
+        state = rng.choice(rolling_states) if bound else "slip"
         direction = _direction(1 + family.rolling_rows, rng)
         share = {"stick": 0.5, "slip": 1.0, "edge": 1.0}[state]
         rolling[0][contact] = -share * bound * direction / 5.0
@@ -132,19 +132,19 @@ def random_spectrum_problem(eigenvalues: FloatArray, dim: int, friction: float, 
 
 
 def single_precision(family: Family, seed: int, assembled: bool = False) -> ContactProblem:
-    """Return a problem of ``family`` from float32 arrays, which represent its short fractions exactly.
+    """Return a problem of ``family`` from float32 arrays, which represent its numbers exactly.
 
     The problem has factors, or G if ``assembled``. G is exact for equal masses and few degrees of freedom.
     """
-    whole = random_problem(family, seed)
-    assert whole.factors is not None
-    c, friction = whole.free_velocity.astype(np.float32), np.float32(family.friction)
+    exact = random_problem(family, seed)
+    assert exact.factors is not None
+    c, friction = exact.free_velocity.astype(np.float32), np.float32(family.friction)
     if assembled:
-        delassus = whole.delassus().toarray().astype(np.float32)
-        return ContactProblem.from_delassus(delassus, c, friction, dim=family.dim, answer=whole.answer)
-    directions = whole.factors.force_directions.astype(np.float32)
-    inverse_mass = whole.factors.inverse_mass.matrix.diagonal().astype(np.float32)
-    return ContactProblem.from_factors(directions, inverse_mass, c, friction, dim=family.dim, answer=whole.answer)
+        delassus = exact.delassus().toarray().astype(np.float32)
+        return ContactProblem.from_delassus(delassus, c, friction, dim=family.dim, answer=exact.answer)
+    directions = exact.factors.force_directions.astype(np.float32)
+    inverse_mass = exact.factors.inverse_mass.matrix.diagonal().astype(np.float32)
+    return ContactProblem.from_factors(directions, inverse_mass, c, friction, dim=family.dim, answer=exact.answer)
 
 
 def _contacts(family: Family) -> Laws:

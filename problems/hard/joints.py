@@ -26,7 +26,7 @@ def chain(masses: FloatArray, pull: float = 0.0) -> ContactProblem:
     directions = sp.lil_array((3 * n, 2 * n))
     for link in range(n):
         for pin, sign in ((link, 1.0), (link + 1, -1.0)):
-            if pin < n:  # its upper end has the velocity ẋ − φ̇/2, its lower end ẋ + φ̇/2
+            if pin < n:  # the upper end of a link has the velocity ẋ − φ̇/2, the lower ẋ + φ̇/2
                 directions[3 * link, 2 * pin], directions[3 * link + 2, 2 * pin] = sign, -0.5
                 directions[3 * link + 1, 2 * pin + 1] = sign
     inverse_mass = np.column_stack([1.0 / masses, 1.0 / masses, 12.0 / masses]).ravel()
@@ -49,28 +49,28 @@ def parallelogram(cranks: int, angle: float = 0.7) -> ContactProblem:
     tangent = np.array([-np.sin(angle), np.cos(angle)])
     n_dofs, coupler = 3 * (cranks + 1), 3 * cranks
     directions, motion = np.zeros((n_dofs, 4 * cranks)), np.tile([0.0, -WEIGHT, 0.0], cranks + 1)
-    along = np.zeros(n_dofs)
+    unit_motion = np.zeros(n_dofs)
     pin_offsets = np.linspace(-0.5, 0.5, cranks)  # along the coupler from its centre of mass
     for crank in range(cranks):
-        own, pins = 3 * crank, 4 * crank
+        dof, pins = 3 * crank, 4 * crank
         for axis in (0, 1):
-            directions[own + axis, pins + axis] = 1.0
-            directions[own + 2, pins + axis] = -0.5 * tangent[axis]
-            directions[own + axis, pins + 2 + axis] = 1.0
-            directions[own + 2, pins + 2 + axis] = 0.5 * tangent[axis]
+            directions[dof + axis, pins + axis] = 1.0
+            directions[dof + 2, pins + axis] = -0.5 * tangent[axis]
+            directions[dof + axis, pins + 2 + axis] = 1.0
+            directions[dof + 2, pins + 2 + axis] = 0.5 * tangent[axis]
             directions[coupler + axis, pins + 2 + axis] = -1.0
         directions[coupler + 2, pins + 3] = -pin_offsets[crank]
-        along[own : own + 3] = 0.5 * tangent[0], 0.5 * tangent[1], 1.0
-    along[coupler : coupler + 2] = tangent
+        unit_motion[dof : dof + 3] = 0.5 * tangent[0], 0.5 * tangent[1], 1.0
+    unit_motion[coupler : coupler + 2] = tangent
     mass = np.tile([1.0, 1.0, 1.0 / 12.0], cranks + 1)
-    velocity = along * (along @ (mass * motion) / (along @ (mass * along)))
+    velocity = unit_motion * (unit_motion @ (mass * motion) / (unit_motion @ (mass * unit_motion)))
     return _joint_problem(directions, 1.0 / mass, motion, _momentum_answer(directions, mass * (velocity - motion)))
 
 
 def pendulum(copies: int) -> ContactProblem:
     """Return a horizontal rod of 1 kg and 1 m, released from rest, with ``copies`` equal pins at one end.
 
-    It rotates at ω = −3/2 g Δt / 1 m, and its pins bear a quarter of its weight.
+    The rod rotates at ω = −3/2 g Δt / 1 m, and the pins bear a quarter of its weight.
     """
     pin = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, -0.5]])
     directions, mass = np.tile(pin, copies), np.array([1.0, 1.0, 1.0 / 12.0])
@@ -82,8 +82,8 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
     """Return a wheel of 1 kg on the ground, towed from rest by a line of ``n`` bodies of 1/n kg at its axle.
 
     The first body is pulled with ``pull`` [N s]. The wheel is a disc of radius 0.1 m with rows N, T, R. It slides,
-    rolls, does both or rests. Λ_N is its weight, so |Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N form a box. A joint transmits
-    the momentum of all bodies behind it. q = positions of the bodies, then (x, y, φ) of the wheel.
+    rolls, does both or rests. Λ_N is m g Δt of the wheel, so |Λ_T| ≤ μ Λ_N and |Λ_R| ≤ μ_r Λ_N form a box. A joint
+    transmits the momentum of all bodies behind it. q = positions of the bodies, then (x, y, φ) of the wheel.
     """
     radius, inertia, mass = 0.1, 0.005, 1.0 / n
     directions = np.zeros((n + 3, n + 3))
@@ -113,7 +113,7 @@ def towed_wheel(n: int, pull: float, friction: float = 0.5, rolling_friction: fl
 
 
 def immovable_joint() -> ContactProblem:
-    """Return a joint between two walls that separate at 1 m/s, with G_ii = 0, and a joint that a body can close."""
+    """Return a joint that a body can close, and one without a solution: its walls separate at 1 m/s, and G_ii = 0."""
     laws = Laws.joints(2)
     return ContactProblem.from_delassus(np.diag([1.0, 0.0]), np.ones(2), laws=laws, answer=Answer(solvable=False))
 
@@ -123,7 +123,7 @@ def _momentum_answer(directions: FloatArray, momentum: FloatArray) -> Answer:
     return Answer(velocity=np.zeros(directions.shape[1]), functionals=directions, values=momentum)
 
 
-def _joint_problem(given: Any, inverse_mass: FloatArray, motion: FloatArray, answer: Answer) -> ContactProblem:
+def _joint_problem(matrix: Any, inverse_mass: FloatArray, motion: FloatArray, answer: Answer) -> ContactProblem:
     """Return a problem with joints only, W dense or scipy sparse."""
-    directions = sp.csc_array(given)
+    directions = sp.csc_array(matrix)
     return body_problem(directions, inverse_mass, motion, laws=Laws.joints(directions.shape[1]), answer=answer)

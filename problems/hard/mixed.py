@@ -27,15 +27,15 @@ def tresca_joint() -> ContactProblem:
 
 
 def mixed_laws(copies: int = 1) -> ContactProblem:
-    """Return six contacts of one, two and three rows and a joint, ``copies`` times, with a chosen solution.
+    """Return six contacts of 1 to 3 rows and a joint with dry friction, ``copies`` times, with a chosen solution.
 
     Λ and ξ are chosen to be complementary (open, closed; stick, slip; at the bound a + μΛ_N), and c = ξ − G Λ. G has
     full rank and is nearly diagonal, so the solution is unique.
     """
-    one = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
+    first_copy = np.array([-1, -1, -1, 2, -1, 4, -1, 6, -1, 8, -1])
     n, t, s = LawKind.UNILATERAL, LawKind.PLANAR_FRICTION, LawKind.SPATIAL_FRICTION
     kind = np.tile([n, n, n, t, n, t, n, s, n, s, t], copies)
-    partner = np.concatenate([np.where(one >= 0, one + 11 * copy, -1) for copy in range(copies)])
+    partner = np.concatenate([np.where(first_copy >= 0, first_copy + 11 * copy, -1) for copy in range(copies)])
     laws = Laws.in_order(kind, np.where(partner >= 0, 0.5, 0.0), np.where(kind != n, 0.1, 0.0), partner)
     impulses = np.tile([0.0, 1.0, 1.0, 0.6, 1.0, 0.2, 2.0, -0.66, 0.88, 1.0, 0.1, 0.2, -0.1], copies)
     velocity = np.tile([1.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.5, -2.0, 0.0, 0.0, 0.0, 0.7], copies)
@@ -63,8 +63,8 @@ def remote_partner() -> ContactProblem:
 def remote_brakes(n: int) -> ContactProblem:
     """Return ``n`` separate contacts that close with Λ_N = 1, 2 and 3 in turn, and ``n`` brakes.
 
-    The spatial friction law k, μ = 0.5, is bounded by the impulse of the contact after contact k. Those of even k slip
-    with Λ_T = −0.5 Λ_N (0.6, 0.8), the others stick with 0.25 Λ_N (0.6, 0.8).
+    The spatial friction law k, μ = 0.5, is bounded by the impulse of the contact after contact k. Laws of even k slip
+    with Λ_T = −0.5 Λ_N (0.6, 0.8), and the other laws stick with 0.25 Λ_N (0.6, 0.8).
     """
     kind = np.repeat([LawKind.UNILATERAL, LawKind.SPATIAL_FRICTION], n)
     partner = np.concatenate([np.full(n, -1), np.roll(np.arange(n), -1)])

@@ -56,7 +56,8 @@ def rod(c: tuple[float, float], friction: float, states: tuple[str, ...], mass: 
 def pressing_rod(friction: float, mass: float = 1.0) -> ContactProblem:
     """Return the rod pressed on the ground, c = (−0.0981, −1), with one solution at any friction.
 
-    It sticks if the impulse (0.41761, 0.50240) of sticking is admissible, μ ≥ 1.2030, else slides with Λ_T = +μΛ_N.
+    It sticks if the impulse (0.41761, 0.50240) of sticking is admissible, μ ≥ 1.2030. Otherwise it slides with
+    Λ_T = +μΛ_N.
     """
     c = (-0.0981, -1.0)
     normal, tangent = -np.linalg.solve(ROD, np.array(c))

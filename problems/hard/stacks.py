@@ -51,7 +51,7 @@ def sliding_tower(masses: FloatArray, friction: float = 0.2) -> ContactProblem:
 
 
 SCALES = np.array([1.0, 1e3, 1e-3, 1.0, 1e6])
-"""Scales of successive contacts of scaled problems, repeated."""
+"""Scales of successive contacts of scaled problems, repeated for more than five contacts."""
 
 
 def scaled_stack(n: int = 5) -> ContactProblem:

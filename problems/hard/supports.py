@@ -72,11 +72,11 @@ def sticking_box(speed: float = 1e-3, per_side: int = 2) -> ContactProblem:
     """
     side, directions = np.linspace(-0.5, 0.5, per_side), np.zeros((6, 3 * per_side**2))
     inertia = np.array([1.0 / 12.0, 1.0 / 12.0, 1.0 / 6.0])
-    for corner, (x, y) in enumerate([(x, y) for y in side for x in side]):
+    for contact, (x, y) in enumerate([(x, y) for y in side for x in side]):
         arm = np.array([x, y, 0.0])
         for lane, axis in enumerate((np.array([0, 0, 1.0]), np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))):
-            directions[:3, 3 * corner + lane] = axis
-            directions[3:, 3 * corner + lane] = np.cross(arm, axis)
+            directions[:3, 3 * contact + lane] = axis
+            directions[3:, 3 * contact + lane] = np.cross(arm, axis)
     motion = np.array([speed, 0.0, -WEIGHT, 0.0, 0.0, 0.0])
     values = np.array([-speed, 0.0, WEIGHT])
     answer = Answer(velocity=np.zeros(directions.shape[1]), functionals=directions[:3], values=values)

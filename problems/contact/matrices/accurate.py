@@ -50,9 +50,9 @@ def accurate_over_factors(
 ) -> tuple[FloatArray, FloatArray]:
     """Return ξ and its rounding error bound for G = Wᵀ M⁻¹ W, with W in CSC and M⁻¹ in CSR."""
     velocity, rounding = np.empty((2, len(free_velocity)))
-    given = directions.indptr, directions.indices, directions.data
+    columns = directions.indptr, directions.indices, directions.data
     inverse = inverse_mass.indptr, inverse_mass.indices, inverse_mass.data
-    write_accurate_over_factors(*given, *inverse, free_velocity, impulses, velocity, rounding)
+    write_accurate_over_factors(*columns, *inverse, free_velocity, impulses, velocity, rounding)
     return velocity, rounding
 
 
@@ -78,14 +78,14 @@ _fused: Any = _fused_product if getattr(config, "DISABLE_JIT", 0) else intrinsic
 
 @njit(cache=True, inline="always")
 def _plus(high, low, lost, a, x, rest):  # type: ignore[no-untyped-def]
-    """Return high + low + a (x + rest) as two numbers, and ``lost`` plus the sizes of the new terms of the second."""
-    product, beside = a * x, a * rest
+    """Return high + low + a (x + rest) as two numbers, and ``lost`` plus the sizes of the new terms of the low one."""
+    product, rest_product = a * x, a * rest
     error = _fused(a, x, -product)
     total = high + product
     part = total - high
     carried = (high - (total - part)) + (product - part)
-    lost += abs(error) + abs(beside) + abs(carried)
-    return total, low + (carried + (error + beside)), lost
+    lost += abs(error) + abs(rest_product) + abs(carried)
+    return total, low + (carried + (error + rest_product)), lost
 
 
 @njit(cache=True, inline="always")
@@ -97,19 +97,19 @@ def _underflow(a, x):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def write_accurate_over_matrix(indptr, indices, data, free_velocity, impulses, velocity, rounding):  # type: ignore[no-untyped-def]
     """Write ξ and its rounding error bound for G in CSR."""
-    most = 0
+    longest_row = 0
     for row in range(len(free_velocity)):
-        most = max(most, indptr[row + 1] - indptr[row])
-    share = (most + SPARE_TERMS) * 2.0**-52
+        longest_row = max(longest_row, indptr[row + 1] - indptr[row])
+    factor = (longest_row + SPARE_TERMS) * 2.0**-52
     for row in range(len(free_velocity)):
-        high, low, lost, under = free_velocity[row], 0.0, 0.0, 0.0
+        high, low, lost, underflow = free_velocity[row], 0.0, 0.0, 0.0
         for p in range(indptr[row], indptr[row + 1]):
             x = impulses[indices[p]]
             if x != 0.0:
                 high, low, lost = _plus(high, low, lost, data[p], x, 0.0)
-                under += _underflow(data[p], x)
+                underflow += _underflow(data[p], x)
         velocity[row] = high + low
-        rounding[row] = share * lost + under
+        rounding[row] = factor * lost + underflow
 
 
 @njit(cache=True, error_model="numpy")
@@ -118,10 +118,10 @@ def write_accurate_over_factors(  # type: ignore[no-untyped-def]
 ):
     """Write ξ and its rounding error bound for G = Wᵀ M⁻¹ W, with W in CSC and M⁻¹ in CSR."""
     one, n_dofs, n_rows = uint64(1), len(mass_indptr) - 1, len(free_velocity)
-    dof_impulses = np.zeros((n_dofs, 4))  # both numbers, the sizes in the second, the underflow
-    in_column, in_mass = 0, 0
+    dof_impulses = np.zeros((n_dofs, 4))  # high, low, sizes of the terms of low, underflow
+    longest_column, longest_mass_row = 0, 0
     for row in range(uint64(n_rows)):
-        in_column, x = max(in_column, indptr[row + one] - indptr[row]), impulses[row]
+        longest_column, x = max(longest_column, indptr[row + one] - indptr[row]), impulses[row]
         if x == 0.0:
             continue
         for p in range(uint64(indptr[row]), uint64(indptr[row + one])):
@@ -129,17 +129,17 @@ def write_accurate_over_factors(  # type: ignore[no-untyped-def]
             sums[0], sums[1], sums[2] = _plus(sums[0], sums[1], sums[2], data[p], x, 0.0)
             sums[3] += _underflow(data[p], x)
     for dof in range(n_dofs):
-        in_mass = max(in_mass, mass_indptr[dof + 1] - mass_indptr[dof])
-    share = (in_column + in_mass + n_rows + SPARE_TERMS) * 2.0**-52
-    dof_velocities = np.zeros((n_dofs, 3))  # both numbers, and the error bound
+        longest_mass_row = max(longest_mass_row, mass_indptr[dof + 1] - mass_indptr[dof])
+    factor = (longest_column + longest_mass_row + n_rows + SPARE_TERMS) * 2.0**-52
+    dof_velocities = np.zeros((n_dofs, 3))  # high, low, error bound
     for dof in range(n_dofs):
         a, b, c, d = 0.0, 0.0, 0.0, 0.0
         for p in range(mass_indptr[dof], mass_indptr[dof + 1]):
             sums = dof_impulses[mass_indices[p]]
             a, b, c = _plus(a, b, c, mass_data[p], sums[0], sums[1])
-            d += abs(mass_data[p]) * (sums[3] + share * sums[2])
+            d += abs(mass_data[p]) * (sums[3] + factor * sums[2])
             d += _underflow(mass_data[p], sums[0])
-        dof_velocities[dof, 0], dof_velocities[dof, 1], dof_velocities[dof, 2] = a, b, d + share * c
+        dof_velocities[dof, 0], dof_velocities[dof, 1], dof_velocities[dof, 2] = a, b, d + factor * c
     for row in range(uint64(n_rows)):
         a, b, c, d = free_velocity[row], 0.0, 0.0, 0.0
         for p in range(uint64(indptr[row]), uint64(indptr[row + one])):
@@ -148,4 +148,4 @@ def write_accurate_over_factors(  # type: ignore[no-untyped-def]
             d += abs(data[p]) * sums[2]
             d += _underflow(data[p], sums[0])
         velocity[row] = a + b
-        rounding[row] = d + share * c
+        rounding[row] = d + factor * c

@@ -47,7 +47,7 @@ class BallContacts(DeferredPieces):
 
     @property
     def balls(self) -> BallRecords:
-        """The records."""
+        """The contacts as records of two balls and a normal."""
         return BallRecords(self.chunks, self.normals, self.radii)
 
     def copy(self) -> "BallContacts":
@@ -144,18 +144,22 @@ def _times(chunks, normals, radii, padded, product):  # type: ignore[no-untyped-
     for c in range(len(normals)):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
-        held, one, two = padded[3 * c], padded[3 * c + 1], padded[3 * c + 2]
-        push = (held * x + one * t1x + two * t2x, held * y + one * t1y + two * t2y, held * z + one * t1z + two * t2z)
-        turn = (one * t2x - two * t1x, one * t2y - two * t1y, one * t2z - two * t1z)  # n × P
+        normal, first, second = padded[3 * c], padded[3 * c + 1], padded[3 * c + 2]
+        impulse = (
+            normal * x + first * t1x + second * t2x,
+            normal * y + first * t1y + second * t2y,
+            normal * z + first * t1z + second * t2z,
+        )
+        moment = (first * t2x - second * t1x, first * t2y - second * t1y, first * t2z - second * t1z)  # n × P
         i, j = chunks[2 * c], chunks[2 * c + 1]
         if i < len(radii):
             for axis in range(3):
-                product[6 * i + axis] += push[axis]
-                product[6 * i + 3 + axis] -= radii[i] * turn[axis]
+                product[6 * i + axis] += impulse[axis]
+                product[6 * i + 3 + axis] -= radii[i] * moment[axis]
         if j < len(radii):
             for axis in range(3):
-                product[6 * j + axis] -= push[axis]
-                product[6 * j + 3 + axis] -= radii[j] * turn[axis]
+                product[6 * j + axis] -= impulse[axis]
+                product[6 * j + 3 + axis] -= radii[j] * moment[axis]
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
@@ -168,9 +172,9 @@ def _contact_velocity(c, chunks, normals, radii, vector):  # type: ignore[no-unt
         ball, sign = chunks[2 * c + side], 1.0 - 2.0 * side
         if ball == len(radii):
             continue
-        at, r = 6 * ball, radii[ball]
-        dx, dy, dz = dx + sign * vector[at], dy + sign * vector[at + 1], dz + sign * vector[at + 2]
-        sx, sy, sz = sx + r * vector[at + 3], sy + r * vector[at + 4], sz + r * vector[at + 5]
+        dof, r = 6 * ball, radii[ball]
+        dx, dy, dz = dx + sign * vector[dof], dy + sign * vector[dof + 1], dz + sign * vector[dof + 2]
+        sx, sy, sz = sx + r * vector[dof + 3], sy + r * vector[dof + 4], sz + r * vector[dof + 5]
     first = (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
     second = (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
     return x * dx + y * dy + z * dz, first, second
@@ -202,12 +206,12 @@ def _write_diagonal(chunks, normals, radii, inverse, diagonal):  # type: ignore[
             ball = chunks[2 * c + side]
             if ball == len(radii):
                 continue
-            at, square = 6 * ball, radii[ball] * radii[ball]
-            light_x, light_y, light_z = inverse[at], inverse[at + 1], inverse[at + 2]
-            turn_x, turn_y, turn_z = square * inverse[at + 3], square * inverse[at + 4], square * inverse[at + 5]
-            normal += light_x * x * x + light_y * y * y + light_z * z * z
-            first += light_x * t1x * t1x + light_y * t1y * t1y + light_z * t1z * t1z
+            dof, square = 6 * ball, radii[ball] * radii[ball]
+            inverse_x, inverse_y, inverse_z = inverse[dof], inverse[dof + 1], inverse[dof + 2]
+            turn_x, turn_y, turn_z = square * inverse[dof + 3], square * inverse[dof + 4], square * inverse[dof + 5]
+            normal += inverse_x * x * x + inverse_y * y * y + inverse_z * z * z
+            first += inverse_x * t1x * t1x + inverse_y * t1y * t1y + inverse_z * t1z * t1z
             first += turn_x * t2x * t2x + turn_y * t2y * t2y + turn_z * t2z * t2z  # n × T1 = T2
-            second += light_x * t2x * t2x + light_y * t2y * t2y + light_z * t2z * t2z
+            second += inverse_x * t2x * t2x + inverse_y * t2y * t2y + inverse_z * t2z * t2z
             second += turn_x * t1x * t1x + turn_y * t1y * t1y + turn_z * t1z * t1z
         diagonal[3 * c], diagonal[3 * c + 1], diagonal[3 * c + 2] = normal, first, second

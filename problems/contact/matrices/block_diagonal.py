@@ -72,9 +72,9 @@ def _diagonal_blocks(matrix: sp.csr_array[Any]) -> Iterator[tuple[IntArray, Floa
 
 def _block_roots(dofs: IntArray, blocks: FloatArray, name: str) -> FloatArray:
     """Return the Cholesky factors of symmetric positive definite blocks; raise ``ProblemError`` for any other."""
-    crooked = _first_asymmetric(blocks)
-    if crooked >= 0:
-        first = dofs[crooked, 0]
+    asymmetric = _first_asymmetric(blocks)
+    if asymmetric >= 0:
+        first = dofs[asymmetric, 0]
         raise ProblemError(f"{name} must be symmetric; the block of degree of freedom {first} is not.")
     try:
         return np.asarray(np.linalg.cholesky(blocks), dtype=np.float64)
@@ -144,18 +144,18 @@ def _blocks_of_size(size, order, starts, indptr, indices, data):  # type: ignore
     for component in range(n_components):
         count += starts[component + 1] - starts[component] == size
     dofs, blocks = np.empty((count, size), dtype=np.int64), np.zeros((count, size, size))
-    place, count = np.empty(len(order), dtype=np.int64), 0
+    position, count = np.empty(len(order), dtype=np.int64), 0
     for component in range(n_components):
         begin = starts[component]
         if starts[component + 1] - begin != size:
             continue
         for k in range(size):
             dofs[count, k] = order[begin + k]
-            place[order[begin + k]] = k
+            position[order[begin + k]] = k
         for k in range(size):
             row = order[begin + k]
             for p in range(indptr[row], indptr[row + 1]):
-                blocks[count, k, place[indices[p]]] = data[p]
+                blocks[count, k, position[indices[p]]] = data[p]
         count += 1
     return dofs, blocks
 

@@ -39,8 +39,8 @@ class DelassusBlocks:
             InsufficientMemoryError: if the available memory does not suffice.
         """
         size = layout.n_blocks * layout.width
-        kept = len(layout.slot) / max(size, 1)  # share of the rows, and then of the columns, that are not padding
-        copies = 1.0 if layout.is_dense else 1.0 + kept + kept**2
+        used_share = len(layout.slot) / max(size, 1)  # share of the lanes that are not padding
+        copies = 1.0 if layout.is_dense else 1.0 + used_share + used_share**2
         require_memory(12.0 * copies * self.values.size, memory_purpose(layout.n_blocks), REMEDY)
         padded = sp.bsr_array((self.values, self.columns, self.starts), shape=(size, size)).tocsr()
         if not layout.is_dense:
@@ -81,24 +81,24 @@ def blocks_from_pieces(pieces: Pieces) -> DelassusBlocks:
 def _require_memory_for(pieces: Pieces) -> None:
     """Raise ``InsufficientMemoryError`` if the blocks of G and their columns exceed the memory.
 
-    Counting them takes a third of the time of the product, and is only done if bounds are inconclusive.
+    Counting the blocks takes a third of the time of the product, so it is done only if bounds are inconclusive.
     """
     n_blocks, bytes_of_block = pieces.n_blocks, 8 * pieces.width**2 + 4
     if bytes_of_block * n_blocks**2 < SMALL_BYTES:
         return
-    least, most = _block_count_bounds(pieces)
-    if bytes_of_block * most < SMALL_BYTES:
+    lower, upper = _block_count_bounds(pieces)
+    if bytes_of_block * upper < SMALL_BYTES:
         return
     purpose = memory_purpose(n_blocks)
-    require_memory(bytes_of_block * least, purpose, REMEDY)
-    if bytes_of_block * most > available_bytes():
+    require_memory(bytes_of_block * lower, purpose, REMEDY)
+    if bytes_of_block * upper > available_bytes():
         members = _pieces_of_chunks(pieces.starts, pieces.chunks, pieces.n_chunks)
         count = int(_row_starts(pieces.starts, pieces.chunks, *members)[-1])
         require_memory(bytes_of_block * float(count), purpose, REMEDY)
 
 
 def _block_count_bounds(pieces: Pieces) -> tuple[float, float]:
-    """Return bounds on the number of blocks of G: one for each pair of blocks that share a chunk.
+    """Return lower and upper bounds on the number of blocks of G: one for each pair of blocks that share a chunk.
 
     A pair with p and q pieces shares at most √(p q) chunks, so weights of 1/√(p q) count it at most once.
     """
@@ -106,8 +106,8 @@ def _block_count_bounds(pieces: Pieces) -> tuple[float, float]:
     weight = np.repeat(1.0 / np.sqrt(np.maximum(n_pieces, 1)), n_pieces)
     sums = np.bincount(pieces.chunks, weight, pieces.n_chunks + 1)[: pieces.n_chunks]
     counts = np.bincount(pieces.chunks, minlength=pieces.n_chunks + 1)[: pieces.n_chunks].astype(np.float64)
-    least = max(float(np.square(sums).sum()), float(counts.max(initial=0.0)) ** 2)
-    return least, float(np.square(counts).sum()) + pieces.n_blocks
+    lower = max(float(np.square(sums).sum()), float(counts.max(initial=0.0)) ** 2)
+    return lower, float(np.square(counts).sum()) + pieces.n_blocks
 
 
 def memory_purpose(n_contacts: int) -> str:
@@ -138,20 +138,20 @@ def gather_blocks(indptr, indices, slot, n_blocks, width, data):  # type: ignore
     """Return starts, columns and values of the block rows of a matrix in CSR.
 
     The rows of a block are adjacent. The columns of each block row are found and sorted, then the blocks are filled.
-    ``place`` holds the position of each block column of the current block row.
+    ``position`` holds the position of each block column of the current block row.
     """
-    starts, place = np.zeros(n_blocks + 1, dtype=np.int64), np.full(n_blocks, -1, dtype=np.int64)
+    starts, position = np.zeros(n_blocks + 1, dtype=np.int64), np.full(n_blocks, -1, dtype=np.int64)
     block_of, lane_of = slot // width, slot % width
     columns = np.empty(n_blocks + len(indices), dtype=np.int32)
     row, end = 0, 0
     for block in range(n_blocks):
-        columns[end], place[block] = block, end
+        columns[end], position[block] = block, end
         begin, end = end + 1, end + 1
         while row < len(slot) and block_of[row] == block:
             for p in range(indptr[row], indptr[row + 1]):
                 column = block_of[indices[p]]
-                if place[column] < begin - 1:
-                    place[column] = end
+                if position[column] < begin - 1:
+                    position[column] = end
                     k = end
                     while k > begin and columns[k - 1] > column:
                         columns[k] = columns[k - 1]
@@ -163,11 +163,11 @@ def gather_blocks(indptr, indices, slot, n_blocks, width, data):  # type: ignore
     values, row = np.zeros((end, width, width)), 0
     for block in range(n_blocks):
         for k in range(starts[block], starts[block + 1]):
-            place[columns[k]] = k
+            position[columns[k]] = k
         while row < len(slot) and block_of[row] == block:
             for p in range(indptr[row], indptr[row + 1]):
                 column = indices[p]
-                values[place[block_of[column]], lane_of[row], lane_of[column]] += data[p]
+                values[position[block_of[column]], lane_of[row], lane_of[column]] += data[p]
             row += 1
     return starts, columns[:end].copy(), values
 
@@ -231,21 +231,21 @@ def multiply_pieces(starts, chunks, pieces, n_chunks):  # type: ignore[no-untype
     row_starts = _row_starts(starts, chunks, chunk_starts, members, block_of_piece)
     columns = np.empty(row_starts[n_blocks], dtype=np.int32)
     values = np.zeros((row_starts[n_blocks], width, width))
-    place = np.full(n_blocks, -1, dtype=np.int64)  # position of each block column in the current block row
+    position = np.full(n_blocks, -1, dtype=np.int64)  # position of each block column in the current block row
     for block in range(n_blocks):
         begin = row_starts[block]
         end = begin + 1
         columns[begin] = block
-        place[block] = begin
+        position[block] = begin
         for p in range(starts[block], starts[block + 1]):
             for m in range(chunk_starts[chunks[p]], chunk_starts[chunks[p] + 1]):
                 other = members[m]
                 column = block_of_piece[other]
-                if place[column] < begin:
-                    place[column] = end
+                if position[column] < begin:
+                    position[column] = end
                     columns[end] = column
                     end += 1
-                block_at = values[place[column]]
+                target = values[position[column]]
                 for row in range(width):
                     left = pieces[p, row]
                     for lane in range(width):
@@ -253,5 +253,5 @@ def multiply_pieces(starts, chunks, pieces, n_chunks):  # type: ignore[no-untype
                         total = 0.0
                         for k in range(length):
                             total += left[k] * right[k]
-                        block_at[row, lane] += total
+                        target[row, lane] += total
     return row_starts, columns, values

@@ -33,10 +33,13 @@ class InverseMass:
 
     @staticmethod
     def create(given: Any) -> "InverseMass":
-        """Return a checked, read-only M⁻¹ from its diagonal, or from a matrix, dense or sparse.
+        """Return a checked, read-only M⁻¹.
+
+        Args:
+            given: diagonal of M⁻¹, shape (n_dofs,), or M⁻¹, dense or scipy sparse, shape (n_dofs, n_dofs).
 
         Raises:
-            ProblemError: if the shape is wrong, a number is not finite, or M⁻¹ is not positive definite.
+            ProblemError: if the shape is wrong, a number is not finite, or M⁻¹ is not symmetric positive definite.
         """
         if np.ndim(given) == 1 and not sp.issparse(given):
             diagonal = frozen(given, np.float64, "M⁻¹")
@@ -124,7 +127,7 @@ class InverseMass:
         return copy
 
     def root_blocks(self, length: int) -> FloatArray | None:
-        """Return S in diagonal blocks of ``length``, for ``Pieces.scaled``; None if it has other entries."""
+        """Return S in diagonal blocks of ``length`` rows, for ``Pieces.scaled``; None if S has entries outside them."""
         if length not in self._root_blocks:
             self._root_blocks[length] = self._cut_root(length)
         return self._root_blocks[length]
@@ -186,8 +189,8 @@ class Factors:
     @property
     def n_rows(self) -> int:
         """Number of rows of the problem."""
-        given = self.directions
-        return given.n_blocks * given.width if isinstance(given, Pieces) else int(given.shape[1])
+        directions = self.directions
+        return directions.n_blocks * directions.width if isinstance(directions, Pieces) else int(directions.shape[1])
 
     @cached_property
     def force_directions(self) -> sp.csc_array[Any]:
@@ -200,11 +203,11 @@ class Factors:
 
     def scaled_pieces(self, layout: BlockLayout) -> Pieces:
         """Return W̃ = Sᵀ W in pieces, for the blocks of ``layout``."""
-        given = self.directions
-        if isinstance(given, Pieces) and given.width == layout.width and layout.is_dense:
-            blocks = self.inverse_mass.root_blocks(given.length)
+        directions = self.directions
+        if isinstance(directions, Pieces) and directions.width == layout.width and layout.is_dense:
+            blocks = self.inverse_mass.root_blocks(directions.length)
             if blocks is not None:
-                return given.scaled(blocks)
+                return directions.scaled(blocks)
         if self.inverse_mass.is_diagonal:
             return cut_into_pieces(self.force_directions, self.inverse_mass.root_diagonal, layout)
         return cut_into_pieces(self.scaled_directions, np.ones(self.n_dofs), layout)
@@ -253,9 +256,9 @@ def _diagonal_pattern(n_dofs: int) -> sp.csr_array[Any]:
     return matrix
 
 
-def _read_square(given: Any, name: str) -> sp.csr_array[Any]:
+def _read_square(values: Any, name: str) -> sp.csr_array[Any]:
     """Return a matrix as ``read_matrix`` does; raise ``ProblemError`` if it is not square."""
-    source = as_matrix(given, name)
+    source = as_matrix(values, name)
     if source.shape[0] != source.shape[1]:
         raise ProblemError(f"{name} must be square, got {source.shape}.")
     matrix: sp.csr_array[Any] = read_matrix(source, name, sp.csr_array)

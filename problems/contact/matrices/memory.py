@@ -25,9 +25,10 @@ _VERSIONS = (
     (r"^0::/(.*)$", "", "memory.max", "memory.current"),
     (r"^\d+:(?:.*,)?memory(?:,.*)?:/(.*)$", "memory", "memory.limit_in_bytes", "memory.usage_in_bytes"),
 )
-"""For versions 2 and 1 of control groups: the line with the group of a process, and the folder and files of groups."""
+"""For versions 2 and 1 of control groups: pattern of the line that names a process's group, folder, and two files."""
 
 _DROPPABLE = ("active_file", "inactive_file", "slab_reclaimable")
+"""Entries of ``memory.stat`` for caches, which the system frees on demand."""
 
 
 def require_memory(needed: float, purpose: str, remedy: str) -> None:
@@ -97,9 +98,9 @@ def _gigabytes(n_bytes: float) -> str:
 def _machine_bytes() -> float:
     """Return the available memory of the machine, or its total memory if the system reports only that."""
     with contextlib.suppress(OSError):
-        found = re.search(r"^MemAvailable:\s+(\d+) kB", Path("/proc/meminfo").read_text(), re.MULTILINE)
-        if found:
-            return 1024.0 * int(found[1])
+        match = re.search(r"^MemAvailable:\s+(\d+) kB", Path("/proc/meminfo").read_text(), re.MULTILINE)
+        if match:
+            return 1024.0 * int(match[1])
     try:
         return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     except (OSError, ValueError, AttributeError):
@@ -107,27 +108,27 @@ def _machine_bytes() -> float:
 
 
 def _group_bytes() -> float:
-    """Return the memory available in the tightest control group of this process; file caches count as free."""
+    """Return the memory available in the tightest control group of this process; caches count as available."""
     try:
         groups = Path("/proc/self/cgroup").read_text()
     except OSError:
         return math.inf
-    left = math.inf
-    for pattern, folder, limit, used in _VERSIONS:
-        root, found = _GROUPS / folder, re.search(pattern, groups, re.MULTILINE)
-        group = root / (found[1] if found else "")
+    available = math.inf
+    for pattern, folder, limit, usage in _VERSIONS:
+        root, match = _GROUPS / folder, re.search(pattern, groups, re.MULTILINE)
+        group = root / (match[1] if match else "")
         while group.is_relative_to(root):
             with contextlib.suppress(OSError, ValueError):  # no such group, or no limit
-                held = int((group / used).read_text()) - _droppable_bytes(group)
-                left = min(left, float(int((group / limit).read_text()) - held))
+                used_bytes = int((group / usage).read_text()) - _droppable_bytes(group)
+                available = min(available, float(int((group / limit).read_text()) - used_bytes))
             group = group.parent
-    return left
+    return available
 
 
 def _droppable_bytes(group: Path) -> int:
     """Return the cache memory of a control group, which the system frees on demand."""
-    found = re.findall(rf"^(?:{'|'.join(_DROPPABLE)}) (\d+)$", (group / "memory.stat").read_text(), re.MULTILINE)
-    return sum(map(int, found))
+    sizes = re.findall(rf"^(?:{'|'.join(_DROPPABLE)}) (\d+)$", (group / "memory.stat").read_text(), re.MULTILINE)
+    return sum(map(int, sizes))
 
 
 def _address_bytes() -> float:

@@ -215,15 +215,15 @@ class DeferredPieces(Pieces):
 class _ScaledPieces(DeferredPieces):
     """The pieces of Sᵀ W for a block diagonal S."""
 
-    def __init__(self, given: DeferredPieces, root_blocks: FloatArray) -> None:
-        super().__init__(given.chunks, given.n_chunks, (given.width, given.length))
-        self._set(_given=given, _root_blocks=root_blocks)
+    def __init__(self, unscaled: DeferredPieces, root_blocks: FloatArray) -> None:
+        super().__init__(unscaled.chunks, unscaled.n_chunks, (unscaled.width, unscaled.length))
+        self._set(_unscaled=unscaled, _root_blocks=root_blocks)
 
-    _given: DeferredPieces
+    _unscaled: DeferredPieces
     _root_blocks: FloatArray
 
     def _compute(self) -> FloatArray:
-        return Pieces.scaled(self._given, self._root_blocks).values
+        return Pieces.scaled(self._unscaled, self._root_blocks).values
 
 
 def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockLayout) -> Pieces:
@@ -304,12 +304,12 @@ def _scaled_by_blocks(chunks, values, blocks):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _cheapest_length(indptr, indices, slot, n_blocks, width, n_dofs):  # type: ignore[no-untyped-def]
     """Return the chunk length with the lowest cost over the first rows."""
-    cheapest, least = CHUNK_LENGTHS[0], np.inf
+    cheapest, lowest_cost = CHUNK_LENGTHS[0], np.inf
     for length in CHUNK_LENGTHS:
         starts = _count_pieces(indptr, indices, slot[:SAMPLED_ROWS], n_blocks, width, length, -(-n_dofs // length))
         cost = starts[n_blocks] * (width * length + 4)
-        if cost < least:
-            cheapest, least = length, cost
+        if cost < lowest_cost:
+            cheapest, lowest_cost = length, cost
     return cheapest
 
 
@@ -340,10 +340,10 @@ def cut_columns(indptr, indices, slot, n_blocks, width, data, root):  # type: ig
     length = _cheapest_length(indptr, indices, slot, n_blocks, width, len(root))
     n_chunks = -(-len(root) // length)
     starts = _count_pieces(indptr, indices, slot, n_blocks, width, length, n_chunks)
-    most = 0
+    max_pieces = 0
     for block in range(n_blocks):
-        most = max(most, starts[block + 1] - starts[block])
-    if most == 2:
+        max_pieces = max(max_pieces, starts[block + 1] - starts[block])
+    if max_pieces == 2:
         starts = 2 * np.arange(n_blocks + 1)
     n_pieces = starts[n_blocks]
     chunks = np.full(n_pieces, n_chunks, dtype=np.int64)
@@ -381,15 +381,15 @@ def _to_columns(starts, chunks, values):  # type: ignore[no-untyped-def]
                     entry, row = values[piece, lane, k], chunks[piece] * length + k
                     if entry == 0.0:
                         continue
-                    at = count
-                    while at > first and rows[at - 1] > row:
-                        at -= 1
-                    if at > first and rows[at - 1] == row:
-                        entries[at - 1] += entry
+                    position = count
+                    while position > first and rows[position - 1] > row:
+                        position -= 1
+                    if position > first and rows[position - 1] == row:
+                        entries[position - 1] += entry
                         continue
-                    for later in range(count, at, -1):
+                    for later in range(count, position, -1):
                         entries[later], rows[later] = entries[later - 1], rows[later - 1]
-                    entries[at], rows[at] = entry, row
+                    entries[position], rows[position] = entry, row
                     count += 1
             ends[block * width + lane + 1] = count
     return entries[:count], rows[:count], ends

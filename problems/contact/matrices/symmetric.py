@@ -19,10 +19,10 @@ SYMMETRY_TOLERANCE = 1e-12
 """Largest |G − Gᵀ| relative to the largest |G| that counts as rounding."""
 
 SINGLE_SYMMETRY_TOLERANCE = 1e-5
-"""The limit for a matrix given in single precision, which is then symmetrised."""
+"""The same limit for a matrix in single precision, which is then symmetrised; also its ``NEGATIVE_TOLERANCE``."""
 
 NEGATIVE_TOLERANCE = 1e-9
-"""Most negative eigenvalue of G relative to the largest that counts as rounding."""
+"""Largest magnitude of a negative eigenvalue of G, relative to the largest one, that counts as rounding."""
 
 LANCZOS_STEPS = 16
 """Number of steps of Lanczos' method in the search for a negative eigenvalue."""
@@ -76,7 +76,7 @@ def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_
 
 
 def _is_sound_sparse(matrix: sp.csr_array[Any], tolerance: float) -> bool:
-    """Whether no diagonal entry is negative, G is symmetric, and no 2×2 minor is negative, within tolerances."""
+    """Return whether no diagonal entry is negative, G is symmetric, and no 2×2 minor is negative, within tolerances."""
     diagonal = diagonal_of(matrix)
     if not len(diagonal):
         return True
@@ -115,7 +115,7 @@ def _check_minors(matrix: sp.csr_array[Any], tolerance: float) -> None:
 
 
 def _check_eigenvalues(values: FloatArray, tolerance: float) -> None:
-    """Raise ``IndefiniteError`` if ascending eigenvalues or Ritz values of G are negative beyond rounding.
+    """Raise ``IndefiniteError`` if the first of ascending eigenvalues or Ritz values of G is negative beyond rounding.
 
     A Ritz value bounds the smallest eigenvalue from above, so an indefinite matrix may pass.
     """
@@ -137,7 +137,7 @@ def _ritz_values(matrix: sp.csr_array[Any]) -> FloatArray:
 
 
 def _is_sound_dense(matrix: FloatArray, tolerance: float) -> bool:
-    """Whether a dense G is symmetric, without negative diagonal entries or 2×2 minors, within tolerances."""
+    """Return whether a dense G is symmetric, without negative diagonal entries or 2×2 minors, within tolerances."""
     diagonal = matrix.diagonal()
     if (diagonal < 0.0).any():
         return False
@@ -150,9 +150,9 @@ def _is_sound_dense(matrix: FloatArray, tolerance: float) -> bool:
 
 
 def _has_cholesky_factor(matrix: FloatArray, shift: float) -> bool:
-    """Whether a dense G has a Cholesky factor if ``shift`` times its largest diagonal entry is added to its diagonal.
+    """Return whether G + ``shift`` max(diag G) I has a Cholesky factor, for a dense G.
 
-    If so, no eigenvalue of G is below −``shift`` times its largest diagonal entry, except by rounding.
+    If so, no eigenvalue of G is below −``shift`` max(diag G), except by rounding.
     """
     shifted = matrix.copy()
     shifted.reshape(-1)[:: len(matrix) + 1] += shift * matrix.diagonal().max(initial=0.0)
@@ -197,7 +197,7 @@ def _tridiagonalise(indptr, indices, data, vector, projected):  # type: ignore[n
 
 @njit(cache=True)
 def _has_sound_pairs(indptr, indices, data, root, largest_diagonal, symmetry_tolerance, negative_tolerance):  # type: ignore[no-untyped-def]
-    """Whether each entry below the diagonal has an equal one above it, and neither exceeds √g_ii √g_jj.
+    """Return whether each entry below the diagonal equals its mirror image, and neither exceeds √g_ii √g_jj.
 
     ``ahead`` is the next entry of each row to the right of the diagonal. A false result may be due to stored zeros; the
     caller must check it.

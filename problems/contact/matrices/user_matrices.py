@@ -19,6 +19,11 @@ Compressed = TypeVar("Compressed", sp.csr_array[Any], sp.csc_array[Any])
 def read_matrix(given: Any, name: str, kind: type[Compressed]) -> Compressed:
     """Return a copy of a matrix, dense or sparse, as a canonical read-only CSR or CSC array of doubles.
 
+    Args:
+        given: the matrix, dense or scipy sparse.
+        name: name of the matrix in error messages.
+        kind: ``scipy.sparse.csr_array`` or ``scipy.sparse.csc_array``.
+
     Raises:
         ProblemError: if ``given`` is not a matrix of real numbers, or has an index outside its shape or an entry that
             is not finite.
@@ -51,7 +56,7 @@ def as_matrix(given: Any, name: str) -> Any:
     """Return ``given`` if it is a sparse matrix, else a dense matrix of numbers.
 
     Raises:
-        ProblemError: if ``given`` is neither.
+        ProblemError: if ``given`` is not a matrix of real numbers.
     """
     try:
         matrix: Any = given if sp.issparse(given) else np.asarray(given)
@@ -70,8 +75,10 @@ def check_finite(matrix: Any, name: str) -> None:
     """
     if not np.isfinite(matrix.data).all():
         entries = matrix.tocoo()
-        at = int(np.argmin(np.isfinite(entries.data)))
-        raise ProblemError(f"{name}[{entries.row[at]}, {entries.col[at]}] = {entries.data[at]} must be finite.")
+        first = int(np.argmin(np.isfinite(entries.data)))
+        raise ProblemError(
+            f"{name}[{entries.row[first]}, {entries.col[first]}] = {entries.data[first]} must be finite."
+        )
     read_only(matrix.data, matrix.indices, matrix.indptr)
 
 
@@ -115,15 +122,17 @@ def _copied(source: Compressed) -> Compressed:
 
 def _shorten_indices(matrix: Compressed) -> None:
     """Store the indices of a matrix as int32 if they fit, so that kernels are compiled for one index type."""
-    longest = np.iinfo(np.int32).max
-    if matrix.indices.dtype == matrix.indptr.dtype == np.int32 or max(matrix.shape) > longest:
+    max_index = np.iinfo(np.int32).max
+    if matrix.indices.dtype == matrix.indptr.dtype == np.int32 or max(matrix.shape) > max_index:
         return
-    if all(-1 <= array.min(initial=0) <= array.max(initial=0) <= longest for array in (matrix.indices, matrix.indptr)):
+    if all(
+        -1 <= array.min(initial=0) <= array.max(initial=0) <= max_index for array in (matrix.indices, matrix.indptr)
+    ):
         matrix.indices, matrix.indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
 
 
 def _check_sparse(matrix: Any, name: str) -> None:
-    """Check the indices of a sparse matrix, because the conversions of scipy rely on them."""
+    """Check the indices of a sparse matrix, on which scipy relies; raise ``ProblemError`` if one is invalid."""
     try:
         if matrix.format in ("csr", "csc", "bsr"):
             matrix.check_format(full_check=True)
@@ -140,7 +149,7 @@ def _check_sparse(matrix: Any, name: str) -> None:
 @interpretable
 @njit(cache=True)
 def _is_in_order(indptr, indices, data, length):  # type: ignore[no-untyped-def]
-    """Whether the minor indices of a compressed matrix ascend within 0 … ``length`` − 1 and all entries are finite."""
+    """Return whether the minor indices ascend within 0 … ``length`` − 1 and all entries are finite."""
     one, count = uint64(1), uint64(len(data))
     if indptr[0] != 0 or indptr[-1] != len(data) or len(indices) != len(data):
         return False

@@ -46,7 +46,7 @@ MAX_GUESSES = 10_000
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """The contents that both forms have.
+    """The contents that local and global problems share.
 
     Attributes:
         dimension: rows of a contact, the normal one first: 2 or 3, with rolling friction 3 or 5.
@@ -106,7 +106,7 @@ class GlobalContents(Contents):
         G: force directions of the joints, shape (n_dofs, n_joints).
         f: impulse of all other forces plus the momentum before the step, in the units of M v, shape (n_dofs,).
         w: the part of the contacts' relative velocity that does not depend on v [m/s], shape (n_contact_rows,).
-        b: that of the joints, shape (n_joints,).
+        b: the same part for the joints [m/s or rad/s], shape (n_joints,).
     """
 
     M: sp.csr_array[Any] = field(kw_only=True)
@@ -135,8 +135,8 @@ def read_contents(file: Group) -> LocalContents | GlobalContents:
     """
     roots = [name for name in (LOCAL, GLOBAL, ROLLING) if name in file]
     if len(roots) != 1:
-        what = "no problem" if not roots else "several problems"
-        raise ContainerError(f"it contains {what}; it must have one of the groups {LOCAL}, {GLOBAL} and {ROLLING}")
+        problems = "no problem" if not roots else "several problems"
+        raise ContainerError(f"it contains {problems}; it must have one of the groups {LOCAL}, {GLOBAL} and {ROLLING}")
     root = file.group(roots[0])
     vectors = root.group("vectors")
     common: dict[str, Any] = {
@@ -147,12 +147,12 @@ def read_contents(file: Group) -> LocalContents | GlobalContents:
         "digest": _digest(root),
         "guesses": _guesses(file),
     }
-    found = (_local if roots[0] == LOCAL else _global)(root, vectors, common)
-    _check_contacts(found, root.path)
-    return replace(found, solution=_solution(file, found.n_contact_rows, found.n_joints))
+    contents = (_local_contents if roots[0] == LOCAL else _global_contents)(root, vectors, common)
+    _check_contacts(contents, root.path)
+    return replace(contents, solution=_solution(file, contents.n_contact_rows, contents.n_joints))
 
 
-def _local(root: Group, vectors: Group, common: dict[str, Any]) -> LocalContents | GlobalContents:
+def _local_contents(root: Group, vectors: Group, common: dict[str, Any]) -> LocalContents | GlobalContents:
     q, s = vectors.floats("q"), _free_joints(root, vectors, "s", ("V", "R"))
     coupling, joints = sp.csr_array((len(q), len(s))), sp.csr_array((len(s), len(s)))
     matrix = sp.csr_array(read_matrix(root.group("W"), (len(q), len(q))))
@@ -162,7 +162,7 @@ def _local(root: Group, vectors: Group, common: dict[str, Any]) -> LocalContents
     return LocalContents(W=matrix, V=coupling, R=joints, q=q, s=s, **common)
 
 
-def _global(root: Group, vectors: Group, common: dict[str, Any]) -> LocalContents | GlobalContents:
+def _global_contents(root: Group, vectors: Group, common: dict[str, Any]) -> LocalContents | GlobalContents:
     f, w, b = vectors.floats("f"), vectors.floats("w"), _free_joints(root, vectors, "b", ("G",))
     mass = sp.csr_array(read_matrix(root.group("M"), (len(f), len(f))))
     directions = sp.csc_array(read_matrix(root.group("H"), (len(f), len(w))))
@@ -199,12 +199,12 @@ def stored_contents(contents: LocalContents | GlobalContents) -> dict[str, NDArr
 
 def _digest(root: Group) -> str:
     groups = [root.group(name) for name in ("info", "vectors") if name in root]
-    written = [group.text(DIGEST) for group in groups if DIGEST in group]
-    if not written:
+    digests = [group.text(DIGEST) for group in groups if DIGEST in group]
+    if not digests:
         return ""
-    if len(written) != 2 or written[0] != written[1] or not written[0]:
+    if len(digests) != 2 or digests[0] != digests[1] or not digests[0]:
         raise ContainerError(f"its two strings {DIGEST} differ")
-    return written[0]
+    return digests[0]
 
 
 def _free_joints(root: Group, vectors: Group, name: str, matrices: tuple[str, ...]) -> FloatArray:
@@ -222,11 +222,11 @@ def _solution(file: Group, n_contact_rows: int, n_joints: int) -> FloatArray | N
     if "solution" not in file or not all(file.group("solution").is_written(name) for name, _ in parts):
         return None
     impulses = [file.group("solution").floats(name) for name, _ in parts]
-    for (name, count), found in zip(parts, impulses, strict=True):
-        if len(found) != count:
-            raise ContainerError(f"/solution/{name} must have {count} entries, got {len(found)}")
-    together = np.concatenate([np.zeros(0), *impulses])
-    return together if together.any() else None
+    for (name, count), vector in zip(parts, impulses, strict=True):
+        if len(vector) != count:
+            raise ContainerError(f"/solution/{name} must have {count} entries, got {len(vector)}")
+    combined = np.concatenate([np.zeros(0), *impulses])
+    return combined if combined.any() else None
 
 
 def _guesses(file: Group) -> int:

@@ -208,9 +208,9 @@ def _free_impulse(
 
 def _texts(problem: ContactProblem) -> dict[str, str]:
     """Return title, description and mathematical information from the provenance, by the names of FCLIB."""
-    other = dict(problem.provenance)
-    title, description = str(other.pop("title", problem.name)), other.pop("description", None)
-    math_info = str(other.pop("math_info", ""))
+    remaining = dict(problem.provenance)
+    title, description = str(remaining.pop("title", problem.name)), remaining.pop("description", None)
+    math_info = str(remaining.pop("math_info", ""))
     if description is None:
-        description = "; ".join(f"{key}: {value}" for key, value in other.items())
+        description = "; ".join(f"{key}: {value}" for key, value in remaining.items())
     return dict(zip(TEXTS, (title, str(description), math_info), strict=True))

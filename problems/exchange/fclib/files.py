@@ -20,7 +20,7 @@ SUFFIXES = (".hdf5", ".h5")
 
 
 def is_fclib_name(name: str) -> bool:
-    """Whether a file of this name is treated as an FCLIB file."""
+    """Return whether a file of this name is treated as an FCLIB file."""
     return name.endswith(SUFFIXES)
 
 
@@ -98,20 +98,20 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
 
 
 def _solution(
-    problem: ContactProblem, contents: LocalContents | GlobalContents, given: ArrayLike | None
+    problem: ContactProblem, contents: LocalContents | GlobalContents, stored: ArrayLike | None
 ) -> dict[str, FloatArray]:
     """Return r, u, λ of joints and, for a global problem, v by path; empty without impulses."""
-    if given is None:
+    if stored is None:
         return {}
-    impulses = np.asarray(real_numbers(given, "impulses"), dtype=np.float64)
+    impulses = np.asarray(real_numbers(stored, "impulses"), dtype=np.float64)
     if impulses.shape != (problem.n_rows,) or not np.isfinite(impulses).all():
         raise ProblemError(f"impulses must be {problem.n_rows} finite numbers, got shape {impulses.shape}.")
     order, n = fclib_row_order(problem), contents.n_contact_rows
     r, joints, u = impulses[order[:n]], impulses[order[n:]], problem.relative_velocity(impulses)[order[:n]]
     solution = {"solution/r": r, "solution/u": u} | ({"solution/l": joints} if len(joints) else {})
     if isinstance(contents, GlobalContents) and problem.factors is not None:
-        forces = contents.f + contents.H @ r + contents.G @ joints
-        solution["solution/v"] = problem.factors.inverse_mass.times(forces)
+        total_impulse = contents.f + contents.H @ r + contents.G @ joints
+        solution["solution/v"] = problem.factors.inverse_mass.times(total_impulse)
     return solution
 
 

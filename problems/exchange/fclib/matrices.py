@@ -33,14 +33,17 @@ def read_matrix(group: Group, shape: tuple[int, int]) -> sp.csr_array[Any] | sp.
     Raises:
         ContainerError: if the matrix does not have this shape, or its arrays contradict each other.
     """
-    found = group.integer("m"), group.integer("n")
-    if found != shape:
-        raise ContainerError(f"{group.path} must have shape {shape} to match the vectors, got {found}")
+    stored_shape = group.integer("m"), group.integer("n")
+    if stored_shape != shape:
+        raise ContainerError(f"{group.path} must have shape {shape} to match the vectors, got {stored_shape}")
     kind, values = group.integer("nz"), group.floats("x")
     indices, pointers = group.integers("i"), group.integers("p")
     matrix: sp.csr_array[Any] | sp.csc_array[Any]
     if kind >= TRIPLETS:
-        parts = (_first(array, kind, group, name) for array, name in ((values, "x"), (indices, "i"), (pointers, "p")))
+        parts = (
+            _leading_entries(array, kind, group, name)
+            for array, name in ((values, "x"), (indices, "i"), (pointers, "p"))
+        )
         values, rows, columns = parts
         _check_range(rows, shape[0], group, "i")
         _check_range(columns, shape[1], group, "p")
@@ -74,7 +77,8 @@ def _compressed_class(kind: int) -> Any:
     return sp.csc_array if kind == COLUMNS else sp.csr_array
 
 
-def _first(array: NDArray[Any], count: int, group: Group, name: str) -> NDArray[Any]:
+def _leading_entries(array: NDArray[Any], count: int, group: Group, name: str) -> NDArray[Any]:
+    """Return the first ``count`` entries of an array; raise ``ContainerError`` if it has fewer."""
     if len(array) < count:
         raise ContainerError(f"{group.path}/{name} has {len(array)} entries, fewer than nz = {count}")
     return array[:count]

@@ -62,13 +62,15 @@ def save_problem(problem: ContactProblem, path: Path | str) -> None:
             f"problem files end in {' or '.join(SUFFIXES)}, and {path} does not; name it {path.stem}{SUFFIX}."
         )
     is_json = path.suffix == JSON_SUFFIX
-    write_whole(path, json_text(*_described(problem)).encode() if is_json else packed_problem(problem))
+    write_whole(path, json_text(*_description_and_arrays(problem)).encode() if is_json else packed_problem(problem))
 
 
 def check_folder(folder: Path) -> None:
     """Raise ``ProblemError`` if a folder for problem files, or a folder above it, is a file."""
-    places = (folder, *folder.parents)
-    blocking = next((place for place in places if os.path.exists(place) and not os.path.isdir(place)), None)
+    candidates = (folder, *folder.parents)
+    blocking = next(
+        (candidate for candidate in candidates if os.path.exists(candidate) and not os.path.isdir(candidate)), None
+    )
     if blocking is not None:
         raise ProblemError(f"cannot write to {folder}: {blocking} is a file, not a folder; choose another folder.")
 
@@ -163,11 +165,11 @@ def _contents(source: Path | IO[bytes]) -> tuple[dict[str, Any], dict[str, NDArr
 
 def _arrays(problem: ContactProblem) -> dict[str, Any]:
     """Return the arrays of a .npz file."""
-    about, arrays = _described(problem)
+    about, arrays = _description_and_arrays(problem)
     return {"about": np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), dtype=np.uint8), **arrays}
 
 
-def _described(problem: ContactProblem) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def _description_and_arrays(problem: ContactProblem) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return the description and the arrays of a problem."""
     about = {
         "format": _format_of(problem),

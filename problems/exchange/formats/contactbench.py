@@ -15,7 +15,7 @@ ARRAYS = ("G", "g", "mus")
 
 
 def recognises(arrays: Arrays) -> bool:
-    """Whether the arrays have the names of ContactBench."""
+    """Return whether the arrays have the names of ContactBench."""
     return "g" in arrays and "mus" in arrays
 
 

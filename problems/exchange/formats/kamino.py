@@ -3,7 +3,7 @@
     D, P, v_f, mu, njc, nbc, nl, nc    of ``solver._solver_kamino._problem_fd.data``, each with ``.numpy()``
     bound_lower, bound_upper           of the same, if there are bounded multipliers, shape (nbc,)
     compliance                         of the same, if contacts or limits are compliant; D contains it, see below
-    lambdas, v_plus                    of ``solver._solver_kamino._solver_fd.data.solution``; optional, judged
+    lambdas, v_plus                    of ``solver._solver_kamino._solver_fd.data.solution``; optional, for the judge
 
 D, shape (n, n) or (n·n,), and v_f, shape (n,), are scaled by the diagonal preconditioner P: with G and c in physical
 units, D = P G P and v_f = P c. Dump them before the solve, which adds its penalty to the diagonal of D. The rows
@@ -41,7 +41,7 @@ SINGLE_PRECISION = 1e-4
 """Tolerated error of sums in single precision, relative to their terms."""
 
 ARRAYS = ("D", "v_f", "mu", *COUNTS)
-"""Names of the arrays that a dump must have, apart from defaults."""
+"""Names of the arrays of a dump; the counts may be missing, and ``mu`` without contacts."""
 
 _SETS = {
     LawKind.BILATERAL: EngineSet.LINE,
@@ -53,7 +53,7 @@ _SETS = {
 
 
 def recognises(arrays: Arrays) -> bool:
-    """Whether the arrays have the names of Kamino's dual problem."""
+    """Return whether the arrays have the names of Kamino's dual problem."""
     return "D" in arrays and "v_f" in arrays
 
 
@@ -73,17 +73,17 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
             raise ProblemError(f"there is no array {name!r}; Kamino's dual problem has {', '.join(ARRAYS)}.")
     joints, bounded, limits, contacts = (_count(arrays, name) for name in COUNTS)
     n = joints + bounded + limits + 3 * contacts
-    scale = _first(arrays, "P", n) if "P" in arrays else np.ones(n)
+    scale = _read_doubles(arrays, "P", n) if "P" in arrays else np.ones(n)
     if not (scale > 0.0).all():
         raise ProblemError("'P', the preconditioner, must be positive.")
-    delassus = _first(arrays, "D", n * n).reshape(n, n) / scale[:, None] / scale
-    mu = _first(arrays, "mu", contacts) if contacts else np.zeros(0)
+    delassus = _read_doubles(arrays, "D", n * n).reshape(n, n) / scale[:, None] / scale
+    mu = _read_doubles(arrays, "mu", contacts) if contacts else np.zeros(0)
     friction = _bounded_laws(arrays, bounded, scale[joints : joints + bounded])
     laws = Laws.concatenate(
         [Laws.joints(joints), friction, Laws.contacts(0.0, 1, limits), Laws.contacts(mu, 3, contacts)]
     )
     order = normal_first(contacts, joints + bounded + limits)
-    c = _first(arrays, "v_f", n) / scale
+    c = _read_doubles(arrays, "v_f", n) / scale
     notes: dict[str, Any] = {"source": "Kamino"}
     compliance = _compliance(arrays, delassus.diagonal())
     if compliance.any():
@@ -97,7 +97,7 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
         return problem
     impulses = stored_impulses(arrays["lambdas"].ravel()[:n], n)[order]
     if "v_plus" in arrays:
-        _check_velocity(problem, impulses, _first(arrays, "v_plus", n)[order])
+        _check_velocity(problem, impulses, _read_doubles(arrays, "v_plus", n)[order])
     return with_stored_solution(problem, impulses)
 
 
@@ -105,7 +105,7 @@ def _bounded_laws(arrays: Arrays, count: int, scale: FloatArray) -> Laws:
     """Return the friction laws with fixed bounds [N s] of bounded multipliers."""
     if not count:
         return Laws.joints(0)
-    lower, upper = (_first(arrays, name, count) for name in ("bound_lower", "bound_upper"))
+    lower, upper = (_read_doubles(arrays, name, count) for name in ("bound_lower", "bound_upper"))
     if not (np.isfinite(upper) & (upper >= 0.0) & (lower == -upper)).all():
         raise ProblemError(
             "the bounds of multipliers must be finite and equal in both directions; remove other limits of effort."
@@ -122,12 +122,12 @@ def _compliance(arrays: Arrays, diagonal: FloatArray) -> FloatArray:
     """
     if "compliance" not in arrays:
         return np.zeros(len(diagonal))
-    found = _first(arrays, "compliance", len(diagonal))
-    if not (found >= 0.0).all():
+    compliance = _read_doubles(arrays, "compliance", len(diagonal))
+    if not (compliance >= 0.0).all():
         raise ProblemError("'compliance' must not be negative or NaN.")
-    if (found > (1.0 + SINGLE_PRECISION) * diagonal).any():
+    if (compliance > (1.0 + SINGLE_PRECISION) * diagonal).any():
         raise ProblemError("'compliance' exceeds the diagonal of D, which contains it; dump both before one solve.")
-    return found
+    return compliance
 
 
 def _own_model(problem: ContactProblem, compliance: FloatArray) -> EngineModel:
@@ -161,10 +161,10 @@ def _own_model(problem: ContactProblem, compliance: FloatArray) -> EngineModel:
 def _check_velocity(problem: ContactProblem, impulses: FloatArray, velocity: FloatArray) -> None:
     """Raise ``ProblemError`` if (G + diag R) Λ + c and Kamino's velocity differ beyond single precision."""
     terms = abs(problem.delassus()) @ np.abs(impulses) + np.abs(problem.free_velocity)
-    found = problem.relative_velocity(impulses)
+    expected = problem.relative_velocity(impulses)
     if problem.engine is not None:
-        found = problem.engine.gradient(impulses)
-    difference = float(np.abs(found - velocity).max(initial=0.0))
+        expected = problem.engine.gradient(impulses)
+    difference = float(np.abs(expected - velocity).max(initial=0.0))
     if difference > SINGLE_PRECISION * float(terms.max(initial=0.0)):
         raise ProblemError(
             f"D λ + v_f differs from v_plus by {difference:.1e}; dump D before the solve, which changes its diagonal."
@@ -181,7 +181,7 @@ def _count(arrays: Arrays, name: str) -> int:
     return int(value.item())
 
 
-def _first(arrays: Arrays, name: str, count: int) -> FloatArray:
+def _read_doubles(arrays: Arrays, name: str, count: int) -> FloatArray:
     """Return the first entries of an array as doubles, shape (count,)."""
     if name not in arrays or arrays[name].size < count or arrays[name].dtype.kind not in "fiu":
         size = arrays[name].size if name in arrays else 0

@@ -10,7 +10,7 @@
                                   blocks, shape (n_blocks, k, k), or the whole matrix
 ``dim``                           rows per contact: 1, 2 or 3; by default, inferred from the lengths of ``c`` and ``mu``
 ``normal``                        "first" (default) or "last": position of the normal row among the rows of a contact
-``impulses``                      Λ [N s] of the program that wrote the file, shape (n_rows,); optional, judged
+``impulses``                      Λ [N s] of the program that wrote the file, shape (n_rows,); optional, for the judge
 ``version``                       1; optional
 ================================= ===============================================================================
 """
@@ -52,7 +52,7 @@ DEFAULT_DIM = 3
 
 
 def recognises(arrays: Arrays) -> bool:
-    """Whether an array has the name G, c, mu or W."""
+    """Return whether an array has the name G, c, mu or W."""
     return not {"G", "c", "mu", "W"}.isdisjoint(arrays)
 
 
@@ -81,8 +81,8 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
         directions, inverse, notes = _factors(arrays, repair)
         if directions.ndim == 2 and directions.shape[1] == c.size:
             directions = directions[:, order]
-        given = directions, inverse, _in_order(c, order), mu, dim
-        problem = ContactProblem.from_factors(*given, provenance=notes)
+        arguments = directions, inverse, _in_order(c, order), mu, dim
+        problem = ContactProblem.from_factors(*arguments, provenance=notes)
     else:
         problem = problem_of_delassus(_delassus(arrays), c, mu, order, repair, dim=dim)
     if "impulses" not in arrays:
@@ -122,8 +122,8 @@ def problem_of_delassus(
         attributes: dict[str, Any] = {"provenance": provenance | notes, "allow_asymmetric": is_asymmetric}
     else:
         attributes = {"provenance": provenance}  # ``from_delassus`` rejects the matrix
-    given = (mu, dim) if laws is None else ()
-    return ContactProblem.from_delassus(matrix, _in_order(c, order), *given, laws=laws, **attributes)
+    contact_arguments = (mu, dim) if laws is None else ()
+    return ContactProblem.from_delassus(matrix, _in_order(c, order), *contact_arguments, laws=laws, **attributes)
 
 
 def check_version(arrays: Arrays, newest: int) -> None:
@@ -166,11 +166,11 @@ def _dim(arrays: Arrays) -> int:
 
 def _order(arrays: Arrays, dim: int, rows: int) -> IntArray:
     """Return the indices of the rows in the order N, T1, T2."""
-    place = str(arrays.get("normal", np.array("first")))
-    if place not in ("first", "last"):
-        raise ProblemError(f"'normal' must be 'first' or 'last', got {place!r}.")
+    position = str(arrays.get("normal", np.array("first")))
+    if position not in ("first", "last"):
+        raise ProblemError(f"'normal' must be 'first' or 'last', got {position!r}.")
     order = np.arange(rows)
-    if place == "last" and dim in (2, 3) and rows % dim == 0:
+    if position == "last" and dim in (2, 3) and rows % dim == 0:
         order = np.roll(order.reshape(-1, dim), 1, axis=1).ravel()
     return order
 
@@ -180,12 +180,12 @@ def _in_order(values: NDArray[Any], order: IntArray) -> NDArray[Any]:
 
 
 def _delassus(arrays: Arrays) -> Any:
-    has_parts = [part for part in CSR_PARTS if part in arrays]
-    if ("G" in arrays) == bool(has_parts):
+    parts = [part for part in CSR_PARTS if part in arrays]
+    if ("G" in arrays) == bool(parts):
         raise ProblemError(f"give the Delassus matrix once, as array 'G' or as CSR arrays {', '.join(CSR_PARTS)}.")
     if "G" in arrays:
         return arrays["G"]
-    if len(has_parts) < len(CSR_PARTS):
+    if len(parts) < len(CSR_PARTS):
         missing = next(part for part in CSR_PARTS if part not in arrays)
         raise ProblemError(f"the Delassus matrix has no array {missing!r}; CSR needs {', '.join(CSR_PARTS)}.")
     data, indices, indptr = (arrays[part] for part in CSR_PARTS)
@@ -205,12 +205,12 @@ def _factors(arrays: Arrays, repair: Repair) -> tuple[NDArray[Any], Any, dict[st
     if "W" not in arrays or ("Minv" in arrays) == ("M" in arrays) or "G" in arrays or "data" in arrays:
         raise ProblemError("give either 'G', or 'W' with one of 'Minv' and 'M'.")
     if "Minv" in arrays:
-        return arrays["W"], _whole(arrays["Minv"]), {}
-    mass = _whole(arrays["M"])
+        return arrays["W"], _assembled(arrays["Minv"]), {}
+    mass = _assembled(arrays["M"])
     mass, notes = repair.mass(sp.csr_array(sp.diags_array(mass) if mass.ndim == 1 else mass))
     return arrays["W"], InverseMass.of_mass(mass), notes
 
 
-def _whole(matrix: NDArray[Any]) -> Any:
+def _assembled(matrix: NDArray[Any]) -> Any:
     """Return a matrix of diagonal blocks, shape (n, k, k), as one sparse matrix, and other matrices unchanged."""
     return sp.block_diag(list(matrix), format="csr") if matrix.ndim == 3 else matrix

@@ -15,9 +15,9 @@ class ArrayFormat:
     """One way to write a problem as named arrays, in a .npz or .json file.
 
     Attributes:
-        name: its name on the command line.
-        about: its description in a list.
-        arrays: the names by which its files are recognised, in words.
+        name: name of the format on the command line.
+        about: description of the format in a list.
+        arrays: names of the arrays by which its files are recognised, in words.
         recognises: returns whether the arrays have the names of this format.
         problem_of_arrays: returns the problem of the arrays.
     """
@@ -53,7 +53,7 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
     Raises:
         ProblemError: if an array is missing or does not match the others, or there are no contacts.
     """
-    inferred = next((one for one in ARRAY_FORMATS.values() if one.recognises(arrays)), None)
+    inferred = next((candidate for candidate in ARRAY_FORMATS.values() if candidate.recognises(arrays)), None)
     chosen = ARRAY_FORMATS[format_name] if format_name else inferred
     if chosen is None:
         return None
@@ -67,8 +67,8 @@ def read_foreign_arrays(arrays: Arrays, name: str, repair: Repair, format_name: 
         except ProblemError:
             if chosen is inferred:
                 raise
-    held = ", ".join(sorted(arrays)) or "none"
+    names = ", ".join(sorted(arrays)) or "none"
     raise ProblemError(
-        f"{name} is not a file of the format {chosen.name!r}, which has {chosen.arrays}; its arrays are {held}"
+        f"{name} is not a file of the format {chosen.name!r}, which has {chosen.arrays}; its arrays are {names}"
         + (f", as in the format {inferred.name!r}." if inferred else ".")
     )

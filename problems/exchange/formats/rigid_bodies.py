@@ -17,12 +17,12 @@
 ``restitution``          ε, one number or shape (n_contacts,); 0 if left out
 ``distance``             gap [m], negative for penetration, shape (n_contacts,); 0 if left out
 ``tangent``              first tangent, shape (n_contacts, 3); chosen freely if left out
-``impulses``             Λ_N, Λ_T1, Λ_T2 of the engine, on body 2 [N s], shape (n_contacts, 3); optional, judged
+``impulses``             Λ_N, Λ_T1, Λ_T2 of the engine, on body 2 [N s], shape (n_contacts, 3); optional, for the judge
 ``version``              1; optional
 ======================== ==================================================================================
 
-The relative velocity of the points of body 2 and body 1 is ξ = Wᵀ u. With u_f = u + h g, the velocity without contacts,
-and γ = Wᵀ u, the relative velocity before the step,
+For velocities v of the bodies, Wᵀ v is the velocity of the contact points on body 2 relative to those on body 1. With
+u before the step, u_f = u + h g, the velocity without contacts, and γ = Wᵀ u,
 
     c_N = (Wᵀ u_f)_N + ε min(γ_N, 0) + max(gap, 0)/h,        c_T = (Wᵀ u_f)_T,
 
@@ -65,7 +65,7 @@ UNIT = 1e-3
 
 
 def recognises(arrays: Arrays) -> bool:
-    """Whether an array has the name body_1, or two have the names mass and inertia."""
+    """Return whether an array has the name body_1, or two have the names mass and inertia."""
     return "body_1" in arrays or {"mass", "inertia"} <= arrays.keys()
 
 
@@ -94,14 +94,14 @@ def problem_of_arrays(arrays: Arrays, repair: Repair) -> ContactProblem:
     c[::3] += _per_contact(arrays, "restitution", count) * np.minimum(approach[::3], 0.0)
     c[::3] += np.maximum(_per_contact(arrays, "distance", count), 0.0) / step
     mass, notes = repair.mass(_mass(arrays, n))
-    known = {"source": "rigid bodies", "time_step": step, FREE_FALL: float(step * np.linalg.norm(gravity))}
+    provenance = {"source": "rigid bodies", "time_step": step, FREE_FALL: float(step * np.linalg.norm(gravity))}
     problem = ContactProblem.from_factors(
         directions,
         InverseMass.of_mass(mass),
         c,
         _per_contact(arrays, "mu", count),
         free_motion=free_motion,
-        provenance=known | notes,
+        provenance=provenance | notes,
     )
     if "impulses" not in arrays:
         return problem
@@ -118,10 +118,12 @@ def _check_names(arrays: Arrays) -> None:
 
 
 def _check_pairs(first: IntArray, second: IntArray) -> None:
-    same = (first == second) & (first >= 0)
-    if same.any():
-        at = int(np.argmax(same))
-        raise ProblemError(f"contact {at} has body {first[at]} on both sides; 'body_1' and 'body_2' must differ.")
+    is_same = (first == second) & (first >= 0)
+    if is_same.any():
+        contact = int(np.argmax(is_same))
+        raise ProblemError(
+            f"contact {contact} has body {first[contact]} on both sides; 'body_1' and 'body_2' must differ."
+        )
 
 
 def _directions(arrays: Arrays, first: IntArray, second: IntArray, n_bodies: int) -> sp.csc_array[Any]:
@@ -138,15 +140,16 @@ def _directions(arrays: Arrays, first: IntArray, second: IntArray, n_bodies: int
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     axes = np.stack([normal, tangent, np.cross(normal, tangent)], axis=1)  # (count, 3 rows, 3 coordinates)
     position = _numbers(arrays, "position", (n_bodies, 3))
-    on_second = _numbers(arrays, "point", (count, 3))
-    on_first = _numbers(arrays, "point_1", (count, 3)) if "point_1" in arrays else on_second
+    point_on_second = _numbers(arrays, "point", (count, 3))
+    point_on_first = _numbers(arrays, "point_1", (count, 3)) if "point_1" in arrays else point_on_second
     blocks = []
-    for body, sign, point in ((second, 1.0, on_second), (first, -1.0, on_first)):
-        moved = np.flatnonzero(body >= 0)
-        lever = (point[moved] - position[body[moved]])[:, None, :]
-        values = sign * np.concatenate([axes[moved], np.cross(lever, axes[moved])], axis=2)  # (moved, 3 rows, 6 dofs)
-        rows = np.broadcast_to((6 * body[moved])[:, None, None] + np.arange(6), values.shape)
-        columns = np.broadcast_to((3 * moved)[:, None, None] + np.arange(3)[:, None], values.shape)
+    for body, sign, point in ((second, 1.0, point_on_second), (first, -1.0, point_on_first)):
+        contacts = np.flatnonzero(body >= 0)
+        lever = (point[contacts] - position[body[contacts]])[:, None, :]
+        forces = axes[contacts]
+        values = sign * np.concatenate([forces, np.cross(lever, forces)], axis=2)  # (contacts, 3 rows, 6 dofs)
+        rows = np.broadcast_to((6 * body[contacts])[:, None, None] + np.arange(6), values.shape)
+        columns = np.broadcast_to((3 * contacts)[:, None, None] + np.arange(3)[:, None], values.shape)
         blocks.append((values.ravel(), rows.ravel(), columns.ravel()))
     values, rows, columns = (np.concatenate(part) for part in zip(*blocks, strict=True))
     return sp.csc_array(sp.coo_array((values, (rows, columns)), shape=(6 * n_bodies, 3 * count)))
@@ -187,22 +190,22 @@ def _unit(vectors: FloatArray, name: str) -> FloatArray:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     wrong = np.abs(length - 1.0) > UNIT if name != "tangent" else ~(length > UNIT)
     if wrong.any():
-        at = int(np.argmax(wrong))
-        raise ProblemError(f"{name}[{at}] = {vectors[at]} must be a unit vector.")
+        index = int(np.argmax(wrong))
+        raise ProblemError(f"{name}[{index}] = {vectors[index]} must be a unit vector.")
     units: FloatArray = vectors / length
     return units
 
 
 def _bodies(arrays: Arrays, name: str, n_bodies: int) -> IntArray:
-    given: NDArray[Any] = arrays[name]
-    if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
+    bodies: NDArray[Any] = arrays[name]
+    if bodies.ndim != 1 or (bodies.size and bodies.dtype.kind not in "iu"):
         raise ProblemError(f"{name!r} must be a vector of whole numbers, one per contact.")
-    if ((given < -1) | (given >= n_bodies)).any():
-        at = int(np.argmax((given < -1) | (given >= n_bodies)))
+    if ((bodies < -1) | (bodies >= n_bodies)).any():
+        contact = int(np.argmax((bodies < -1) | (bodies >= n_bodies)))
         raise ProblemError(
-            f"{name}[{at}] = {given[at]} must be a body from 0 to {n_bodies - 1}, or -1 for a fixed one."
+            f"{name}[{contact}] = {bodies[contact]} must be a body from 0 to {n_bodies - 1}, or -1 for a fixed one."
         )
-    return given.astype(np.int64)
+    return bodies.astype(np.int64)
 
 
 def _per_contact(arrays: Arrays, name: str, count: int) -> FloatArray:
@@ -220,9 +223,9 @@ def _positive(arrays: Arrays, name: str) -> float:
 
 def _numbers(arrays: Arrays, name: str, shape: tuple[int, ...]) -> FloatArray:
     """Return an array of finite numbers, and check its shape."""
-    given = arrays[name]
-    if given.shape != shape or (given.size and given.dtype.kind not in "fiu"):
-        raise ProblemError(f"{name!r} must be numbers of shape {shape}, got shape {given.shape}.")
-    if not np.isfinite(given).all():
+    values = arrays[name]
+    if values.shape != shape or (values.size and values.dtype.kind not in "fiu"):
+        raise ProblemError(f"{name!r} must be numbers of shape {shape}, got shape {values.shape}.")
+    if not np.isfinite(values).all():
         raise ProblemError(f"{name!r} must be finite.")
-    return given.astype(np.float64)
+    return values.astype(np.float64)

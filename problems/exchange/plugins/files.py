@@ -31,8 +31,8 @@ class PluginFile:
     """One plugin file as it was read.
 
     Attributes:
-        path: its absolute path.
-        content: its bytes.
+        path: absolute path of the file.
+        content: bytes of the file.
     """
 
     path: Path
@@ -89,7 +89,7 @@ class PluginFile:
             ) from None
 
     def offered(self, kind: Kind) -> dict[str, Callable[..., Any]]:
-        """Return the classes or functions of one kind that it offers, by name.
+        """Return the classes or functions of one kind that the file offers, by name.
 
         Raises:
             PluginError: if SOLVERS is not a list of classes, two of them have the same name, or PROBLEMS or SCENES is
@@ -118,7 +118,7 @@ class PluginFile:
         return dict(offered)
 
     def check_offers(self) -> None:
-        """Raise ``PluginError`` with a suggestion if the file offers nothing, or as ``offered`` does."""
+        """Raise ``PluginError`` if the file offers nothing, or if an offer is invalid; see ``offered``."""
         offers = [self.offered(kind) for kind in get_args(Kind)]  # every kind, so that each is checked
         if any(offers):
             return
@@ -134,7 +134,7 @@ class PluginFile:
 
 
 class _Importer(MetaPathFinder, Loader):
-    """Find plugin files by their module names, also when pickle imports one in another process."""
+    """Import plugin files by module name, also when pickle imports one in another process."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
         return ModuleSpec(name, self, origin=str(_IMPORTABLE[name].path)) if name in _IMPORTABLE else None

@@ -31,7 +31,7 @@ Names = Mapping[Kind, Sequence[str]]
 
 
 @dataclass(frozen=True)
-class _Registered:
+class _Registration:
     """A plugin file, its names if known, and whether this process may run it."""
 
     file: PluginFile
@@ -39,7 +39,7 @@ class _Registered:
     runs_here: bool
 
 
-_registered: dict[str, _Registered] = {}
+_registered: dict[str, _Registration] = {}
 """Registered plugin files by path, for this process."""
 
 
@@ -90,25 +90,25 @@ def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
         kind: "solver", "problem" or "scene".
         taken: names that Proxbench itself uses.
     """
-    found = [*_from_files(kind), *_from_packages(kind)]
-    return [replace(offer, rejection=_rejection(offer, taken, found)) for offer in found]
+    all_offers = [*_from_files(kind), *_from_packages(kind)]
+    return [replace(offer, rejection=_rejection(offer, taken, all_offers)) for offer in all_offers]
 
 
 def register(file: PluginFile, names: Names | None = None, runs_here: bool = True) -> None:
-    """Register a plugin file in this process without running it; it replaces a registered file of the same path.
+    """Register a plugin file in this process without running it, and replace a registered file of the same path.
 
     Args:
         file: the file.
         names: the names that it offers; if None, the file runs when they are first needed.
-        runs_here: whether this process may run it. If not, its names are known, but cannot be loaded.
+        runs_here: whether this process may run the file; if not, its names are listed but cannot be loaded.
     """
     path = str(file.path)
-    before = _registered.get(path)
-    if before is None or before.file != file:
+    previous = _registered.get(path)
+    if previous is None or previous.file != file:
         make_importable(file)
     elif names is None:
-        names = before.names
-    _registered[path] = _Registered(file, names, runs_here)
+        names = previous.names
+    _registered[path] = _Registration(file, names, runs_here)
 
 
 def forget(file: PluginFile) -> None:
@@ -118,18 +118,18 @@ def forget(file: PluginFile) -> None:
 
 def registered() -> list[tuple[PluginFile, Names | None]]:
     """Return the registered plugin files, each with its names, or None if they are not known."""
-    return [(one.file, one.names) for one in _registered.values()]
+    return [(entry.file, entry.names) for entry in _registered.values()]
 
 
 def _from_files(kind: Kind) -> Iterator[Offer]:
-    for one in _registered.values():
-        for name in one.file.offered(kind) if one.names is None else one.names.get(kind, ()):
-            yield Offer(kind, name, one.file.source, partial(_get, one.file, kind, name), one.file)
+    for entry in _registered.values():
+        for name in entry.file.offered(kind) if entry.names is None else entry.names.get(kind, ()):
+            yield Offer(kind, name, entry.file.source, partial(_load_from_file, entry.file, kind, name), entry.file)
 
 
-def _get(file: PluginFile, kind: Kind, name: str) -> Any:
-    known = _registered.get(str(file.path))
-    if known is not None and not known.runs_here:
+def _load_from_file(file: PluginFile, kind: Kind, name: str) -> Any:
+    entry = _registered.get(str(file.path))
+    if entry is not None and not entry.runs_here:
         raise PluginError(f"{name!r} of {file.source} runs only in separate processes, not in this one.")
     return file.offered(kind)[name]
 
@@ -140,11 +140,11 @@ def _from_packages(kind: Kind) -> Iterator[Offer]:
         yield Offer(kind, point.name, package, point.load)
 
 
-def _rejection(offer: Offer, taken: Collection[str], found: list[Offer]) -> str:
+def _rejection(offer: Offer, taken: Collection[str], all_offers: list[Offer]) -> str:
     description = f"{offer.source} offers the {offer.kind} {offer.name!r}"
     if offer.name in taken:
         return f"{description}, a name that Proxbench itself uses; give it another name."
-    if others := [other.source for other in found if other.name == offer.name and other is not offer]:
+    if others := [other.source for other in all_offers if other.name == offer.name and other is not offer]:
         return f"{description}, and {others[0]} offers the same name; rename or remove one of them."
     pattern, meaning = _NAMES[offer.kind]
     return "" if re.fullmatch(pattern, offer.name) else f"{description}, but a {offer.kind}'s name must be {meaning}."

@@ -29,13 +29,13 @@ def plugin_scene(name: str) -> Offer | None:
     """
     if name in SCENES:
         return None
-    found = plugin_scenes()
-    for offer in found:
+    candidates = plugin_scenes()
+    for offer in candidates:
         if offer.name == name and offer.rejection:
             raise PluginError(offer.rejection)
         if offer.name == name:
             return offer
-    known = [*SCENES, *(offer.name for offer in found)]
+    known = [*SCENES, *(offer.name for offer in candidates)]
     raise ProblemError(f"there is no scene {name!r}{suggestion(name, known, 'proxbench list scenes')}")
 
 
@@ -43,28 +43,28 @@ def build_plugin_scene(text: str, options: Mapping[str, Any]) -> Scene:
     """Return a scene of a plugin; this runs the plugin.
 
     Args:
-        text: its name, with or without options.
+        text: name of the scene, with or without options.
         options: further options.
 
     Raises:
         ProblemError: if the scene or an option is unknown.
         PluginError: if the plugin does not return a scene.
     """
-    name, written = parse_scene(text)
+    name, inline_options = parse_scene(text)
     offer = plugin_scene(name)
     assert offer is not None
     make, head = offer.load(), f"scene {name!r} of {offer.source}"
     defaults = scene_options(make, head)
-    given = {**written, **options}
-    check_options(f"the scene {name!r}", given, defaults, ProblemError)
+    all_options = {**inline_options, **options}
+    check_options(f"the scene {name!r}", all_options, defaults, ProblemError)
     try:
         with redirect_stdout(sys.stderr):
-            made = make(**given)
+            result = make(**all_options)
     except ProblemError:
         raise
     except (Exception, SystemExit) as error:
         raise PluginError(f"{head} cannot be built: {first_line(error)}{raised_at(error)}.") from error
-    return _scene(name, {**defaults, **given}, made, head)
+    return _scene(name, {**defaults, **all_options}, result, head)
 
 
 def scene_options(make: Callable[..., Any], head: str) -> dict[str, Any]:
@@ -74,15 +74,15 @@ def scene_options(make: Callable[..., Any], head: str) -> dict[str, Any]:
         PluginError: if an option has no default; ``head`` begins the message.
     """
     parameters = inspect.signature(make).parameters.values()
-    for one in parameters:
-        if one.default is inspect.Parameter.empty or one.kind is inspect.Parameter.POSITIONAL_ONLY:
-            raise PluginError(f"{head} takes {one.name!r} without a default; every option must have one.")
-    return {one.name: one.default for one in parameters}
+    for parameter in parameters:
+        if parameter.default is inspect.Parameter.empty or parameter.kind is inspect.Parameter.POSITIONAL_ONLY:
+            raise PluginError(f"{head} takes {parameter.name!r} without a default; every option must have one.")
+    return {parameter.name: parameter.default for parameter in parameters}
 
 
-def _scene(name: str, options: Mapping[str, Any], made: Any, head: str) -> Scene:
-    if isinstance(made, Scene):
-        return completed(replace(made, name=name, options=options))
-    if not (isinstance(made, tuple) and len(made) == 2 and isinstance(made[1], State)):
-        raise PluginError(f"{head} must return a Scene, or a system and its first State, got {type(made).__name__}.")
-    return bare_scene(name, options, *made)
+def _scene(name: str, options: Mapping[str, Any], result: Any, head: str) -> Scene:
+    if isinstance(result, Scene):
+        return completed(replace(result, name=name, options=options))
+    if not (isinstance(result, tuple) and len(result) == 2 and isinstance(result[1], State)):
+        raise PluginError(f"{head} must return a Scene, or a system and its first State, got {type(result).__name__}.")
+    return bare_scene(name, options, *result)

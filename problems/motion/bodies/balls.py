@@ -65,9 +65,9 @@ class BallSystem:
         dimension: 2 (planar) or 3 (spatial).
         accelerations: accelerations of the centres by forces other than contact forces.
         potentials: potential energy of each of ``accelerations``, None where it is not known.
-        friction: μ of all contacts, or keys of pairs of bodies ↦ μ of each; None for balls without friction and without
-            rotation.
-        restitution_normal: ε_N of all contacts, or keys of pairs ↦ ε_N of each.
+        friction: μ of all contacts, or a function of the keys of pairs of bodies; None for balls without friction and
+            without rotation.
+        restitution_normal: ε_N of all contacts, or a function of the keys of pairs of bodies.
         restitution_tangential: ε_T of all contacts.
         inertia_factor: J/(m r²).
 
@@ -137,7 +137,7 @@ class BallSystem:
 
     @cached_property
     def inverse_mass(self) -> InverseMass:
-        """M⁻¹, diagonal."""
+        """M⁻¹, a diagonal matrix, shape (n · dofs_per_ball, n · dofs_per_ball)."""
         inertia = self.inertia_factor * self.masses * self.radii**2
         diagonal = np.column_stack([*[1.0 / self.masses] * self.dimension, *[1.0 / inertia] * self.n_rotations]).ravel()
         return InverseMass.create(diagonal)
@@ -161,9 +161,8 @@ class BallSystem:
     def with_margin(self, margin: float) -> "BallSystem":
         """Return balls with radii larger by ``margin`` [m].
 
-        Gaps below ``margin`` to surfaces, and below twice ``margin`` between balls, then count as closed.
-
-        All lever arms of a ball grow by the same length, so the equilibrium of its moments does not change.
+        Gaps below ``margin`` to surfaces, and below twice ``margin`` between balls, then count as closed. All lever
+        arms of a ball grow by the same length, so the equilibrium of its moments does not change.
         """
         return replace(self, radii=self.radii + margin)
 
@@ -172,7 +171,13 @@ class BallSystem:
         return position + seconds * self.twists(velocity)[:, : self.dimension].ravel()
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
-        """Linearise at q_M: free motion, and gaps and W of the contacts with g(q_M) < 0."""
+        """Return the step linearised at q_M: its free motion, and gaps and W of the contacts with g(q_M) < 0.
+
+        Args:
+            midpoint: q_M [m], shape (n · d,).
+            velocity: u before the step, shape (n · dofs_per_ball,).
+            seconds: duration of the step [s].
+        """
         centres = self.centres(midpoint)
         free = self.twists(velocity).copy()
         translation = self.twists(velocity)[:, : self.dimension]
@@ -183,43 +188,43 @@ class BallSystem:
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with g(q) < ``limit``, which is not negative."""
-        found = self.with_margin(limit)._find_contacts(self.centres(position))
-        gap = found.gap + np.where(found.chunks[1::2] == self.n_balls, limit, 2.0 * limit)
+        detected = self.with_margin(limit)._find_contacts(self.centres(position))
+        gap = detected.gap + np.where(detected.chunks[1::2] == self.n_balls, limit, 2.0 * limit)
         near = gap < limit
-        return found.keys[near], gap[near]
+        return detected.keys[near], gap[near]
 
     def overlaps(self, position: FloatArray, tolerated: float) -> Overlaps | None:
-        """Return all overlaps, or None if none of them is deeper than ``tolerated`` [m]."""
+        """Return all overlaps, or None if no overlap is deeper than ``tolerated`` [m]."""
         centres = self.centres(position)
         on_surfaces, near = self._find_surface_contacts(centres), self._near_pairs.at(centres)
         deepest = min((gaps.min(initial=0.0) for _, gaps, _ in on_surfaces), default=0.0)
         if not deepest < -tolerated and not _is_deeper(near, centres, self.radii, tolerated):
             return None
-        found = _merge_contacts(near, centres, self.radii, on_surfaces)
-        normals = BallNormals(found.chunks, found.normals, self.n_balls, self.dofs_per_ball)
-        return Overlaps(found.gap, normals, self.inverse_mass)
+        detected = _merge_contacts(near, centres, self.radii, on_surfaces)
+        normals = BallNormals(detected.chunks, detected.normals, self.n_balls, self.dofs_per_ball)
+        return Overlaps(detected.gap, normals, self.inverse_mass)
 
     def _contacts(self, centres: FloatArray) -> ActiveContacts | None:
-        found = self._find_contacts(centres)
-        keys = found.keys
+        detected = self._find_contacts(centres)
+        keys = detected.keys
         if not len(keys):
             return None
-        directions = self._directions(found)
+        directions = self._directions(detected)
         restitution = np.full((len(keys), self.rows_per_contact), self.restitution_tangential)
-        rebound = self.restitution_normal
-        restitution[:, 0] = rebound(self._keys.pairs(keys)) if callable(rebound) else rebound
+        coefficient = self.restitution_normal
+        restitution[:, 0] = coefficient(self._keys.pairs(keys)) if callable(coefficient) else coefficient
         friction = self.friction(self._keys.pairs(keys)) if callable(self.friction) else self.friction or 0.0
         laws = Laws.contacts(friction, self.rows_per_contact, len(keys))
-        return ActiveContacts(keys, found.gap, laws, directions, restitution.ravel(), self.rows_per_contact)
+        return ActiveContacts(keys, detected.gap, laws, directions, restitution.ravel(), self.rows_per_contact)
 
-    def _directions(self, found: "DetectedContacts") -> Pieces:
+    def _directions(self, detected: "DetectedContacts") -> Pieces:
         rows = self.rows_per_contact
         if rows == 3:
-            return BallContacts(found.chunks, found.normals, self.radii)
+            return BallContacts(detected.chunks, detected.normals, self.radii)
         if rows == 1:
-            return BallNormals(found.chunks, found.normals, self.n_balls, self.dimension)
-        values = _planar_directions(found.chunks, found.normals, self.radii)
-        return Pieces(2 * np.arange(len(found.keys) + 1), found.chunks, values, self.n_balls)
+            return BallNormals(detected.chunks, detected.normals, self.n_balls, self.dimension)
+        values = _planar_directions(detected.chunks, detected.normals, self.radii)
+        return Pieces(2 * np.arange(len(detected.keys) + 1), detected.chunks, values, self.n_balls)
 
     def _find_contacts(self, centres: FloatArray) -> "DetectedContacts":
         """Return all overlaps of balls with balls and surfaces."""
@@ -232,8 +237,8 @@ class BallSystem:
     @property
     def potential_energy(self) -> Callable[[FloatArray], float] | None:
         """The function q ↦ V [J] of all forces; None if the potential energy of one of them is not known."""
-        known = total_potential(self.potentials, len(self.accelerations))
-        return None if known is None else lambda position: known(self.centres(position), self.masses)
+        potential = total_potential(self.potentials, len(self.accelerations))
+        return None if potential is None else lambda position: potential(self.centres(position), self.masses)
 
     def kinetic_energies(self, velocity: FloatArray) -> FloatArray:
         """Return ½ uᵀ M u of each ball [J], shape (n,)."""
@@ -279,8 +284,8 @@ def _is_deeper(near, centres, radii, tolerated):  # type: ignore[no-untyped-def]
     for k in range(len(near)):
         i, j, squared = near[k, 0], near[k, 1], 0.0
         for axis in range(dim):
-            across = centres[i, axis] - centres[j, axis]
-            squared += across * across
+            difference = centres[i, axis] - centres[j, axis]
+            squared += difference * difference
         if squared < (radii[i] + radii[j]) ** 2 and np.sqrt(squared) - radii[i] - radii[j] < -tolerated:
             return True
     return False
@@ -294,29 +299,29 @@ def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-
     The normal of concentric balls is undefined and is set to the x axis.
     """
     n, dim = centres.shape
-    n_bodies, room = n + len(ends), len(near) + len(ball)
-    keys, chunks = np.empty(room, dtype=np.int64), np.empty(2 * room, dtype=np.int64)
-    gaps, normals = np.empty(room), np.zeros((room, dim))
+    n_bodies, capacity = n + len(ends), len(near) + len(ball)
+    keys, chunks = np.empty(capacity, dtype=np.int64), np.empty(2 * capacity, dtype=np.int64)
+    gaps, normals = np.empty(capacity), np.zeros((capacity, dim))
     heads = np.zeros(len(ends), dtype=np.int64)
     heads[1:] = ends[:-1]
-    count, on_surface = 0, _next_ball(heads, ends, ball, n)
+    count, surface_ball = 0, _next_ball(heads, ends, ball, n)
     for k in range(len(near) + 1):
         i = near[k, 0] if k < len(near) else n
-        while on_surface < i:
+        while surface_ball < i:
             for surface in range(len(ends)):
-                at = heads[surface]
-                if at < ends[surface] and ball[at] == on_surface:
-                    keys[count], gaps[count] = on_surface * n_bodies + n + surface, depth[at]
-                    chunks[2 * count], chunks[2 * count + 1] = on_surface, n
-                    normals[count] = inward[at]
-                    heads[surface], count = at + 1, count + 1
-            on_surface = _next_ball(heads, ends, ball, n)
+                index = heads[surface]
+                if index < ends[surface] and ball[index] == surface_ball:
+                    keys[count], gaps[count] = surface_ball * n_bodies + n + surface, depth[index]
+                    chunks[2 * count], chunks[2 * count + 1] = surface_ball, n
+                    normals[count] = inward[index]
+                    heads[surface], count = index + 1, count + 1
+            surface_ball = _next_ball(heads, ends, ball, n)
         if i == n:
             break
         j, squared = near[k, 1], 0.0
         for axis in range(dim):
-            across = centres[i, axis] - centres[j, axis]
-            squared += across * across
+            difference = centres[i, axis] - centres[j, axis]
+            squared += difference * difference
         reach = radii[i] + radii[j]
         if not squared < reach * reach:
             continue
