@@ -329,7 +329,8 @@ class Laws:
             n_rows: number of rolling axes, 1, 2 or 3.
 
         Raises:
-            ProblemError: if ``n_rows`` is not 1, 2 or 3, or the laws already have rolling friction.
+            ProblemError: if ``n_rows`` is not 1, 2 or 3, the laws already have rolling friction, or ``friction`` has
+                another shape.
         """
         if n_rows not in (1, 2, 3):
             raise ProblemError(f"rolling friction has 1, 2 or 3 rows, got {n_rows!r}.")
@@ -339,7 +340,12 @@ class Laws:
         follower = np.append(self.partner[1:], -1)[normal] == normal
         insertion = normal + 1 + follower  # index before which each rolling law is inserted
         new_index = np.arange(self.n_laws) + np.searchsorted(insertion, np.arange(self.n_laws), side="right")
-        coefficient = np.broadcast_to(frozen(friction, np.float64, "friction"), (len(normal),))
+        values = frozen(friction, np.float64, "friction")
+        if values.shape not in ((), (1,), normal.shape):
+            raise ProblemError(
+                f"friction is one number or one for each of the {len(normal)} unilateral laws, got shape {values.shape}."
+            )
+        coefficient = np.broadcast_to(values, normal.shape)
         return Laws.in_order(
             np.insert(self.kind, insertion, _ROLLING_OF_ROWS[n_rows - 1]),
             np.insert(self.friction_coefficient, insertion, coefficient),

@@ -116,6 +116,8 @@ def test_rolling_friction_is_added_behind_each_contact_and_nothing_else_changes(
     assert made.n_rows == contacts.n_rows + 9
     with pytest.raises(ProblemError, match="already"):
         made.with_rolling(0.1, 1)
+    with pytest.raises(ProblemError, match=r"one for each of the 3 unilateral laws, got shape \(2,\)"):
+        contacts.with_rolling([0.1, 0.2], 1)
     with pytest.raises(ProblemError, match="1, 2 or 3 rows"):
         contacts.with_rolling(0.1, 4)
 
