@@ -158,7 +158,7 @@ class BatchIterates(FactorIterates, MomentumState):
         """Do ``count`` sweeps."""
         arrays = (self._impulses, self._scaled, self._change, self._before)
         own, momentum = self._sweep, (self._momentum, self._delay, self._sweeps)
-        self._present = own.kernel(count, *own.arguments, *arrays, *momentum, self._present)
+        self._beta = own.kernel(count, *own.arguments, *arrays, *momentum, self._beta)
         self._sweeps += count
 
 

@@ -193,8 +193,8 @@ class ColouredIterates(MomentumState, SinglePassIterates):
     def _run(self, count: int, measures: bool) -> None:
         self._done[0] = 0
         self._past[:] = self._sweeps, self._windows, count, measures
-        self._momenta[:] = self._momentum, self._delay, self._present
-        self._present = (self._team if count else self._alone).run()
+        self._momenta[:] = self._momentum, self._delay, self._beta
+        self._beta = (self._team if count else self._alone).run()
         self._sweeps += count
         self._windows += 1
         self._has_velocity, self._has_violations = not measures, measures
@@ -227,7 +227,7 @@ def _run_window(  # type: ignore[no-untyped-def]
     """
     sweeps, windows, count = past[0], past[1], past[2]
     impulses, scaled, change, before, velocity = arrays
-    momentum, delay, present = momenta[0], momenta[1], momenta[2]
+    momentum, delay, beta = momenta[0], momenta[1], momenta[2]
     length = BALL_LENGTH
     if pieces is not None:
         length = len(pieces[0])
@@ -245,21 +245,21 @@ def _run_window(  # type: ignore[no-untyped-def]
                     completed += 1
                     if stage == 0:
                         first = PIECE_LENGTH * task
-                        extrapolate(scaled, before, present, first, min(first + PIECE_LENGTH, len(scaled)))
+                        extrapolate(scaled, before, beta, first, min(first + PIECE_LENGTH, len(scaled)))
                         continue
                     slab = task - stages[1]
                     turn[:] = 0.0
                     for batch in range(first_batch[slab], first_batch[slab + 1]):
                         if balls is not None:
-                            update_ball_batch(balls, batch, scaled, impulses, change, present, turn, own)
+                            update_ball_batch(balls, batch, scaled, impulses, change, beta, turn, own)
                         if pieces is not None:
-                            update_pieces(pieces, batch, scaled, impulses, change, present, turn, own, others)
+                            update_pieces(pieces, batch, scaled, impulses, change, beta, turn, own, others)
                     turns[sweep % 2, slab] = turn.sum()
             if completed:
                 add(done, 0, completed)
             needed += size
         wait_for(done, 0, needed)
-        present = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
+        beta = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
     wait_for(done, 0, needed)
     data = (windows, stages[n_stages], stages[2] - stages[1], first_batch, balls, scaled)
     if past[3] and balls is not None:
@@ -269,7 +269,7 @@ def _run_window(  # type: ignore[no-untyped-def]
     if completed:
         add(done, 0, completed)
     wait_for(done, 0, needed + turns.shape[1])
-    return present
+    return beta
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")

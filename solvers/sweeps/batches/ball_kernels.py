@@ -39,7 +39,7 @@ def in_frame(frame, apart, turned, free):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_balls(  # type: ignore[no-untyped-def]
-    count, bodies, records, share, impulses, moved, change, before, momentum, delay, sweeps, present
+    count, bodies, records, share, impulses, moved, change, before, momentum, delay, sweeps, beta
 ):
     """Do ``count`` sweeps on Λ (``impulses``), v and τ (``moved``); other arguments as in ``pieces.sweep_batches``."""
     two, three, six, lanes = uint64(2), uint64(3), uint64(6), uint64(LANES)
@@ -47,13 +47,13 @@ def sweep_balls(  # type: ignore[no-untyped-def]
     moves, turn = np.empty(six * lanes), np.empty(lanes)
     for _ in range(count):
         if momentum > 0.0:
-            extrapolate(moved, before, present, 0, len(moved))
+            extrapolate(moved, before, beta, 0, len(moved))
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
             gather_moves(bodies, pair, moved, moves)
             record, at = uint64(NUMBERS) * lanes * batch, three * lanes * batch
-            update_impulses(records, record, share, impulses, change, at, present, turn, moves)
+            update_impulses(records, record, share, impulses, change, at, beta, turn, moves)
             mass = record + uint64(9) * lanes
             for lane in range(lanes):
                 a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
@@ -65,8 +65,8 @@ def sweep_balls(  # type: ignore[no-untyped-def]
                     moved[a + k + three] -= first_mass * turned
                     moved[b + k + three] -= second_mass * turned
         sweeps += 1
-        present = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
-    return present
+        beta = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
+    return beta
 
 
 @njit(cache=True, inline="always")
@@ -81,7 +81,7 @@ def gather_moves(bodies, pair, moved, moves):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_impulses(records, record, share, impulses, change, at, present, turn, moves):  # type: ignore[no-untyped-def]
+def update_impulses(records, record, share, impulses, change, at, beta, turn, moves):  # type: ignore[no-untyped-def]
     """Update Λ, from ``at`` on, of a batch with records from ``record`` on, and replace ``moves`` by P and n × P.
 
     ``moves`` holds v_i − v_j and τ_i + τ_j. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and
@@ -100,7 +100,7 @@ def update_impulses(records, record, share, impulses, change, at, present, turn,
         free = records[r + k3], records[r + k4], records[r + k5]
         frame = (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z)
         normal, first, second = in_frame(frame, apart, turned, free)
-        ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
+        ahead_n, ahead_t, ahead_s = beta * change[n], beta * change[t], beta * change[s]
         old_n, old_t, old_s = impulses[n] + ahead_n, impulses[t] + ahead_t, impulses[s] + ahead_s
         size_t = records[r + k7]
         new_n = max(old_n - records[r + k6] * normal, 0.0)

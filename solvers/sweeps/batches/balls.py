@@ -145,8 +145,8 @@ class BallIterates(MomentumState, SinglePassIterates):
         """Do ``count`` sweeps."""
         data = self._sweep
         arrays = (self._impulses, self._moved, self._change, self._before)
-        momentum = self._momentum, self._delay, self._sweeps, self._present
-        self._present = sweep_balls(count, data.bodies, data.records, data.balls.spin_share, *arrays, *momentum)
+        momentum = self._momentum, self._delay, self._sweeps, self._beta
+        self._beta = sweep_balls(count, data.bodies, data.records, data.balls.spin_share, *arrays, *momentum)
         self._sweeps += count
 
     def impulses(self) -> FloatArray:

@@ -123,13 +123,13 @@ def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed,
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_batches(  # type: ignore[no-untyped-def]
-    count, axes, bodies, records, impulses, scaled, change, before, momentum, delay, sweeps, present
+    count, axes, bodies, records, impulses, scaled, change, before, momentum, delay, sweeps, beta
 ):
     """Do ``count`` sweeps, and return the β of the sweep after them.
 
     ``impulses`` is Λ in the order of ``slots_in_batches``, and ``scaled`` is v = W̃ Λ, with an idle chunk last.
     ``change`` is the change of Λ in the previous sweep. With momentum, ``before`` is the v at which that sweep began.
-    ``present`` is the β of the next sweep. ``momentum`` and ``delay`` are those of ``MomentumState`` after ``sweeps``
+    ``beta`` is the β of the next sweep. ``momentum`` and ``delay`` are those of ``MomentumState`` after ``sweeps``
     sweeps.
     """
     two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
@@ -137,7 +137,7 @@ def sweep_batches(  # type: ignore[no-untyped-def]
     own, others, turn = np.empty(two * row), np.empty(two * row), np.empty(lanes)
     for _ in range(count):
         if momentum > 0.0:
-            extrapolate(scaled, before, present, 0, len(scaled))
+            extrapolate(scaled, before, beta, 0, len(scaled))
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
@@ -147,19 +147,19 @@ def sweep_batches(  # type: ignore[no-untyped-def]
                     own[lanes * x + lane] = scaled[a + x]
                     own[lanes * (length + x) + lane] = scaled[b + x]
             begin, at = (uint64(6) * row + uint64(9) * lanes) * batch, three * lanes * batch
-            update_batch(axes, records, begin, impulses, change, at, present, turn, own, others)
+            update_batch(axes, records, begin, impulses, change, at, beta, turn, own, others)
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
                     scaled[a + x] = others[lanes * x + lane]
                     scaled[b + x] = others[lanes * (length + x) + lane]
         sweeps += 1
-        present = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
-    return present
+        beta = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
+    return beta
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_batch(axes, records, begin, impulses, change, at, present, turn, before, after):  # type: ignore[no-untyped-def]
+def update_batch(axes, records, begin, impulses, change, at, beta, turn, before, after):  # type: ignore[no-untyped-def]
     """Update the impulses of one batch.
 
     Its record begins at ``begin`` of ``records``, and its Λ at ``at`` of ``impulses``. Read v of its bodies from
@@ -182,7 +182,7 @@ def update_batch(axes, records, begin, impulses, change, at, present, turn, befo
             normal_b += records[b + lanes * x] * v_b
             first_b += records[b + row + lanes * x] * v_b
             second_b += records[b + two * row + lanes * x] * v_b
-        ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
+        ahead_n, ahead_t, ahead_s = beta * change[n], beta * change[t], beta * change[s]
         old_n, old_t, old_s = impulses[n] + ahead_n, impulses[t] + ahead_t, impulses[s] + ahead_s
         size_n, size_t = records[c + uint64(3) * lanes], records[c + uint64(4) * lanes]
         new_n = max(old_n - size_n * (normal + normal_b), 0.0)
