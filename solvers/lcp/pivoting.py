@@ -167,11 +167,10 @@ def _leaving_row(rows, values, basic, position, column, tied, smallest):  # type
             min_ratio = min(min_ratio, max(values[i], 0.0) / rows[i, column])
     if min_ratio == np.inf:
         return -1
+    limit = min_ratio + TIE * max(1.0, min_ratio)
     count = 0
     for i in range(n):
-        if rows[i, column] > threshold and max(values[i], 0.0) / rows[i, column] <= min_ratio + TIE * max(
-            1.0, min_ratio
-        ):
+        if rows[i, column] > threshold and max(values[i], 0.0) / rows[i, column] <= limit:
             if basic[i] == 2 * n:
                 return i
             tied[count] = i

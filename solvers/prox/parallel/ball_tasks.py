@@ -13,13 +13,13 @@ from ...sweeps.batches.pieces import LANES
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_ball_batch(balls, batch, moved, impulses, change, present, turn, moves):  # type: ignore[no-untyped-def]
+def update_ball_batch(balls, batch, moved, impulses, change, beta, turn, moves):  # type: ignore[no-untyped-def]
     """Update Λ, v and τ of the contacts of a batch; ``balls`` holds bodies, records and κ of ``BallSweep``."""
     bodies, records, share = balls
-    lanes, at = uint64(LANES), uint64(LANES) * uint64(batch)
-    record, pair = uint64(NUMBERS) * at, uint64(2) * at
+    lanes, first_lane = uint64(LANES), uint64(LANES) * uint64(batch)
+    record, pair = uint64(NUMBERS) * first_lane, uint64(2) * first_lane
     gather_moves(bodies, pair, moved, moves)
-    update_impulses(records, record, share, impulses, change, uint64(3) * at, present, turn, moves)
+    update_impulses(records, record, share, impulses, change, uint64(3) * first_lane, beta, turn, moves)
     three, idle, mass = uint64(3), uint64(len(moved)) - uint64(6), record + uint64(9) * lanes
     for lane in range(lanes):
         a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
@@ -38,12 +38,12 @@ def update_ball_batch(balls, batch, moved, impulses, change, present, turn, move
 def write_ball_velocities(balls, batch, moved, moves, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
     bodies, records, share = balls
-    one, at = uint64(LANES), uint64(LANES) * uint64(batch)
-    gather_moves(bodies, uint64(2) * at, moved, moves)
-    for lane in range(one):
-        r, n = uint64(NUMBERS) * at + lane, uint64(3) * at + lane
+    lanes, first_lane = uint64(LANES), uint64(LANES) * uint64(batch)
+    gather_moves(bodies, uint64(2) * first_lane, moved, moves)
+    for lane in range(lanes):
+        r, n = uint64(NUMBERS) * first_lane + lane, uint64(3) * first_lane + lane
         xi = lane_velocity(records, r, share, moves, lane)
-        velocity[n], velocity[n + one], velocity[n + uint64(2) * one] = xi
+        velocity[n], velocity[n + lanes], velocity[n + uint64(2) * lanes] = xi
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")

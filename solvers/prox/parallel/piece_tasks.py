@@ -6,17 +6,17 @@ from ...sweeps.batches.pieces import LANES, update_batch
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_pieces(pieces, batch, scaled, impulses, change, present, turn, own, others):  # type: ignore[no-untyped-def]
+def update_pieces(pieces, batch, scaled, impulses, change, beta, turn, own, others):  # type: ignore[no-untyped-def]
     """Update Λ (``impulses``) and v = W̃ Λ (``scaled``) of the contacts of a batch.
 
-    ``pieces`` is as in ``batch_arguments``, and ``change``, ``present`` and ``turn`` are as in ``update_batch``.
+    ``pieces`` is as in ``batch_arguments``, and ``change``, ``beta`` and ``turn`` are as in ``update_batch``.
     ``own`` and ``others`` are work arrays for v of both bodies before and after the update.
     """
     axes, bodies, records = pieces
     lanes, length = uint64(LANES), uint64(len(axes))
     _gather(axes, bodies, batch, scaled, own)
     begin = uint64(batch) * (uint64(6) * lanes * length + uint64(9) * lanes)
-    update_batch(axes, records, begin, impulses, change, uint64(3) * lanes * uint64(batch), present, turn, own, others)
+    update_batch(axes, records, begin, impulses, change, uint64(3) * lanes * uint64(batch), beta, turn, own, others)
     _scatter(axes, bodies, batch, others, scaled)
 
 
@@ -59,10 +59,10 @@ def _scatter(axes, bodies, batch, others, scaled):  # type: ignore[no-untyped-de
 def _write_velocities(axes, records, batch, own, velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c of a batch in the order of Λ."""
     two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
-    row, at = lanes * length, three * lanes * uint64(batch)
+    row, first_entry = lanes * length, three * lanes * uint64(batch)
     begin = uint64(batch) * (uint64(6) * row + uint64(9) * lanes)
     for lane in range(lanes):
-        a, c, n = begin + lane, begin + uint64(6) * row + lane, at + lane
+        a, c, n = begin + lane, begin + uint64(6) * row + lane, first_entry + lane
         b = a + three * row
         normal, first, second = records[c], records[c + lanes], records[c + two * lanes]
         for x in range(length):
