@@ -76,7 +76,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
     scaled = work[4:6].reshape(-1)[: 2 * n_blocks]
     fraction[:] = 1.0
     scaled[:] = sizes
-    since_check, checks_since_cut, interval = 0, 0, FIRST_INTERVAL
+    since_check, checks_since_reduction, interval = 0, 0, FIRST_INTERVAL
     progress, iteration = _begin_progress(), np.int64(0)
     while True:
         _write_velocity(width, starts, lanes, values, free, impulses, velocity)
@@ -97,13 +97,13 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
             since_check += step
             count -= step
             if step == sweeps_left:
-                since_check, checks_since_cut = 0, checks_since_cut + 1
+                since_check, checks_since_reduction = 0, checks_since_reduction + 1
                 if reduce_opposed_steps(width, width - 1, 2, before, previous, impulses, sizes, fraction):
-                    checks_since_cut = 0
+                    checks_since_reduction = 0
                     for i in range(n_blocks):
                         scaled[2 * i] = sizes[2 * i] * fraction[i]
                         scaled[2 * i + 1] = sizes[2 * i + 1] * fraction[i]
-                interval = INTERVALS[min(checks_since_cut, LAST_INTERVAL)]
+                interval = INTERVALS[min(checks_since_reduction, LAST_INTERVAL)]
 
 
 @njit(cache=True, error_model="numpy")

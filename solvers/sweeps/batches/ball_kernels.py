@@ -52,8 +52,8 @@ def sweep_balls(  # type: ignore[no-untyped-def]
         for batch in range(n_batches):
             pair = two * lanes * batch
             gather_moves(bodies, pair, moved, moves)
-            record, at = uint64(NUMBERS) * lanes * batch, three * lanes * batch
-            update_impulses(records, record, share, impulses, change, at, beta, turn, moves)
+            record, first_entry = uint64(NUMBERS) * lanes * batch, three * lanes * batch
+            update_impulses(records, record, share, impulses, change, first_entry, beta, turn, moves)
             mass = record + uint64(9) * lanes
             for lane in range(lanes):
                 a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
@@ -81,17 +81,17 @@ def gather_moves(bodies, pair, moved, moves):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_impulses(records, record, share, impulses, change, at, beta, turn, moves):  # type: ignore[no-untyped-def]
-    """Update Λ, from ``at`` on, of a batch with records from ``record`` on, and replace ``moves`` by P and n × P.
+def update_impulses(records, record, share, impulses, change, first_entry, beta, turn, moves):  # type: ignore[no-untyped-def]
+    """Update Λ of a batch, and replace ``moves``, which holds v_i − v_j and τ_i + τ_j, by P and n × P.
 
-    ``moves`` holds v_i − v_j and τ_i + τ_j. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and
-    Λ̂ = Λ + β ``change``.
+    Λ begins at ``first_entry``, and the records begin at ``record``. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes
+    Λ⁺ and Λ̂ = Λ + β ``change``.
     """
     lanes = uint64(LANES)
     k1, k2, k3, k4, k5 = lanes, uint64(2) * lanes, uint64(3) * lanes, uint64(4) * lanes, uint64(5) * lanes
     k6, k7, k8 = uint64(6) * lanes, uint64(7) * lanes, uint64(8) * lanes
     for lane in range(lanes):
-        r, n = record + lane, at + lane
+        r, n = record + lane, first_entry + lane
         t, s = n + k1, n + k2
         x, y, z = records[r], records[r + k1], records[r + k2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
@@ -140,18 +140,18 @@ def largest_violation(bodies, records, share, impulses, moved, weights, slots, r
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def find_violations(bodies, records, share, impulses, moved, weights, batch, moves, largest):  # type: ignore[no-untyped-def]
     """Raise ``largest`` of each lane to the squared violations of a batch, or to NaN if one is NaN."""
-    one = uint64(LANES)
-    two, three = uint64(2) * one, uint64(3) * one
-    gather_moves(bodies, two * batch, moved, moves)
-    record, at, weight = uint64(NUMBERS) * one * batch, three * batch, uint64(WEIGHTS) * one * batch
-    for lane in range(one):
-        r, n, w = record + lane, at + lane, weight + lane
+    k1 = uint64(LANES)
+    k2, k3 = uint64(2) * k1, uint64(3) * k1
+    gather_moves(bodies, k2 * batch, moved, moves)
+    record, first_entry, weight = uint64(NUMBERS) * k1 * batch, k3 * batch, uint64(WEIGHTS) * k1 * batch
+    for lane in range(k1):
+        r, n, w = record + lane, first_entry + lane, weight + lane
         normal, first, second = lane_velocity(records, r, share, moves, lane)
-        pressed, stiffness = weights[w] * impulses[n], weights[w + one]
+        pressed, stiffness = weights[w] * impulses[n], weights[w + k1]
         unilateral = pressed if pressed < normal or pressed != pressed else normal
-        bound = stiffness * (records[r + uint64(8) * one] * max(impulses[n], 0.0))
-        square = outside_disc(stiffness * impulses[n + one], stiffness * impulses[n + two], first, second, bound)
-        normal_part, friction_part = unilateral * unilateral * weights[w + two], square * weights[w + three]
+        bound = stiffness * (records[r + uint64(8) * k1] * max(impulses[n], 0.0))
+        square = outside_disc(stiffness * impulses[n + k1], stiffness * impulses[n + k2], first, second, bound)
+        normal_part, friction_part = unilateral * unilateral * weights[w + k2], square * weights[w + k3]
         part = friction_part if friction_part > normal_part or friction_part != friction_part else normal_part
         largest[lane] = part if part > largest[lane] or part != part else largest[lane]
 
@@ -159,13 +159,13 @@ def find_violations(bodies, records, share, impulses, moved, weights, batch, mov
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def lane_velocity(records, r, share, moves, lane):  # type: ignore[no-untyped-def]
     """Return ξ of one contact, whose record begins at ``r``; ``moves`` as ``gather_moves`` writes it."""
-    one = uint64(LANES)
-    two, three, four, five = uint64(2) * one, uint64(3) * one, uint64(4) * one, uint64(5) * one
-    x, y, z = records[r], records[r + one], records[r + two]
+    k1 = uint64(LANES)
+    k2, k3, k4, k5 = uint64(2) * k1, uint64(3) * k1, uint64(4) * k1, uint64(5) * k1
+    x, y, z = records[r], records[r + k1], records[r + k2]
     first, second = tangents(x, y, z)
-    apart = moves[lane], moves[lane + one], moves[lane + two]
-    turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
-    free = records[r + three], records[r + four], records[r + five]
+    apart = moves[lane], moves[lane + k1], moves[lane + k2]
+    turned = share * moves[lane + k3], share * moves[lane + k4], share * moves[lane + k5]
+    free = records[r + k3], records[r + k4], records[r + k5]
     return in_frame(((x, y, z), first, second), apart, turned, free)
 
 
