@@ -141,8 +141,8 @@ class Restarts:
         """Do up to ``max_sweeps`` sweeps within the limits; return their number."""
         driver, done = self._driver, 0
         while done < max_sweeps and not self._newton.is_over:
-            left = driver.monitor.stop.max_iterations - driver.iteration
-            count = min(max_sweeps - done, left, MAX_CHECK_INTERVAL)
+            remaining = driver.monitor.stop.max_iterations - driver.iteration
+            count = min(max_sweeps - done, remaining, MAX_CHECK_INTERVAL)
             driver.run(count)
             self._newton.work.count_sweeps(count)
             done += count

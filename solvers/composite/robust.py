@@ -180,7 +180,7 @@ def accelerated_sweeps(sequence: SolverSequence) -> Callable[[FloatArray], Itera
 
 
 def run_newton_steps(
-    sequence: SolverSequence, equations: Callable[[], Equations], driver: IterationDriver, swept: SweepResult
+    sequence: SolverSequence, equations: Callable[[], Equations], driver: IterationDriver, result: SweepResult
 ) -> Solution | None:
     """Try Newton's method from the last swept Λ; return the solution if the solve is over."""
     try:
@@ -188,7 +188,7 @@ def run_newton_steps(
     except InsufficientMemoryError as error:
         sequence.history.append(f"Newton steps: {error_text(error)}")
         return None
-    sequence.keep_best(*newton.run(NEWTON_SETTINGS, swept.latest, swept.residual))
+    sequence.keep_best(*newton.run(NEWTON_SETTINGS, result.latest, result.residual))
     sequence.iterations = newton.driver.iteration
     is_solved = sequence.best_residual <= sequence.stop.tolerance
     sequence.history.append(f"Newton steps: {Status.SOLVED if is_solved else 'not solved'}")

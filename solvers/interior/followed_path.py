@@ -240,13 +240,13 @@ class FollowedPath:
                 break
             step = self._solve(self._heads * 0.0, self._lifts * 0.0, point.primal, 2)
             part, change = 1.0, step.r - step.u
-            following = Point(self._scaled, self._system, point.v + change, point.tau)
-            while not following.distance < point.distance and part > MIN_STEP:
+            candidate = Point(self._scaled, self._system, point.v + change, point.tau)
+            while not candidate.distance < point.distance and part > MIN_STEP:
                 part *= 0.5
-                following = Point(self._scaled, self._system, point.v + part * change, point.tau)
-            if not following.is_finite:
+                candidate = Point(self._scaled, self._system, point.v + part * change, point.tau)
+            if not candidate.is_finite:
                 break
-            point = following
+            point = candidate
             self._record(point)
         return point
 
@@ -263,12 +263,12 @@ class FollowedPath:
             share = -self._product(self._tangent, newton) / slope if abs(slope) > 0.0 else 0.0
             share = float(np.clip(share, -2.0, 2.0)) if np.isfinite(share) else 0.0
             change = newton.plus(share, along)
-            following = Point(
+            candidate = Point(
                 self._scaled, self._system, point.v + change.r - change.u, point.tau * float(np.exp(share))
             )
-            if not following.is_finite:
+            if not candidate.is_finite:
                 break
-            point = following
+            point = candidate
             self._record(point)
         return point
 

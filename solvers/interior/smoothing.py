@@ -39,9 +39,9 @@ def radius_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
     # the equation is convex and increasing in r, so Newton's method converges to its root from above
     radius = min(half, length / (1.0 + tau / (bound * bound)))
     for _ in range(MAX_STEPS):
-        within = (bound - radius) * (bound + radius)
-        value = radius * (1.0 + tau / within) - length
-        next_radius = radius - value / (1.0 + tau / within + 2.0 * tau * (radius / within) ** 2)
+        margin = (bound - radius) * (bound + radius)
+        value = radius * (1.0 + tau / margin) - length
+        next_radius = radius - value / (1.0 + tau / margin + 2.0 * tau * (radius / margin) ** 2)
         if not abs(next_radius - radius) > 1e-15 * radius:
             break
         radius = next_radius

@@ -35,7 +35,7 @@ class SORprox(Method):
             without momentum. With "measured" and ω = 1.1, β follows the rate of convergence (see
             ``iteration.measured_momentum``).
         momentum_delay: d; after k sweeps, β is at most k/(k + d). With β = 0.8 and ω = 1.1, d = 4 needs fewer sweeps
-            than d = 0 for loose tolerances, and as many for tight ones.
+            than d = 0 for loose tolerances, and about as many for tight ones.
 
     Raises:
         SolverError: if an option is out of range.

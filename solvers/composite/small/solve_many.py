@@ -212,9 +212,9 @@ class _Members:
 
 def _joined(arrays: Sequence[Any]) -> Any:
     """Return the concatenated arrays, read-only if the first one is."""
-    whole = np.concatenate(arrays)
-    whole.setflags(write=arrays[0].flags.writeable)
-    return whole
+    joined_array = np.concatenate(arrays)
+    joined_array.setflags(write=arrays[0].flags.writeable)
+    return joined_array
 
 
 def _joined_matrices(matrices: list[Any]) -> tuple[Any, Any, Any]:

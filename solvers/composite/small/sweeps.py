@@ -168,8 +168,8 @@ def _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impul
     if not residual < np.inf:
         return UNUSUAL, progress
     if residual <= tolerance:
-        held = find_largest_held(row_count, first_row, numbers[3], numbers[1], diagonal, impulses)
-        return (SOLVED if RESOLUTION * held / scale <= tolerance else UNUSUAL), progress
+        largest_term = find_largest_held(row_count, first_row, numbers[3], numbers[1], diagonal, impulses)
+        return (SOLVED if RESOLUTION * largest_term / scale <= tolerance else UNUSUAL), progress
     if iteration == 0:
         first, window_residual = max(residual, 1.0), residual
     n_stale_checks += 1

@@ -243,7 +243,7 @@ def _run_window(  # type: ignore[no-untyped-def]
     length = BALL_LENGTH
     if pieces is not None:
         length = len(pieces[0])
-    own, others, turn = np.empty(2 * LANES * length), np.empty(2 * LANES * length), np.empty(LANES)
+    work, second_work, turn = np.empty(2 * LANES * length), np.empty(2 * LANES * length), np.empty(LANES)
     n_stages, n_required = len(stages) - 1, 0
     for sweep in range(sweeps, sweeps + count):
         for stage in range(n_stages):
@@ -263,9 +263,9 @@ def _run_window(  # type: ignore[no-untyped-def]
                     turn[:] = 0.0
                     for batch in range(first_batch[slab], first_batch[slab + 1]):
                         if balls is not None:
-                            update_ball_batch(balls, batch, scaled, impulses, change, beta, turn, own)
+                            update_ball_batch(balls, batch, scaled, impulses, change, beta, turn, work)
                         if pieces is not None:
-                            update_pieces(pieces, batch, scaled, impulses, change, beta, turn, own, others)
+                            update_pieces(pieces, batch, scaled, impulses, change, beta, turn, work, second_work)
                     turns[sweep % 2, slab] = turn.sum()
             if completed:
                 add(n_completed, 0, completed)
@@ -292,7 +292,7 @@ def _write_xi(  # type: ignore[no-untyped-def]
     length, n_slabs = BALL_LENGTH, len(first_batch) - 1
     if pieces is not None:
         length = len(pieces[0])
-    own, completed = np.empty(2 * LANES * length), 0
+    work, completed = np.empty(2 * LANES * length), 0
     for k in range(threads):
         share = (thread + k) % threads
         for position in range(n_slabs * share // threads, n_slabs * (share + 1) // threads):
@@ -300,9 +300,9 @@ def _write_xi(  # type: ignore[no-untyped-def]
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
                 for batch in range(first_batch[slab], first_batch[slab + 1]):
                     if balls is not None:
-                        write_ball_velocities(balls, batch, scaled, own, velocity)
+                        write_ball_velocities(balls, batch, scaled, work, velocity)
                     if pieces is not None:
-                        write_piece_velocities(pieces, batch, scaled, own, velocity)
+                        write_piece_velocities(pieces, batch, scaled, work, velocity)
                 completed += 1
     return completed
 

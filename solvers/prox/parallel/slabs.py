@@ -173,11 +173,11 @@ def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def
     n_batches, n_slabs = 0, len(begins) - 1
     n_even = n_slabs - n_slabs // 2
     for slab in range(n_slabs):
-        place = 2 * slab if slab < n_even else 2 * (slab - n_even) + 1
+        position = 2 * slab if slab < n_even else 2 * (slab - n_even) + 1
         first_batch[slab] = n_batches
         base, full, first_open = n_batches, np.int64(0), 0
         n_lanes_used[:] = 0
-        for k in range(begins[place], begins[place + 1]):
+        for k in range(begins[position], begins[position + 1]):
             contact = members[k]
             a, b = chunks[2 * contact], chunks[2 * contact + 1]
             closed = full

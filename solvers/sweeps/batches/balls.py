@@ -56,10 +56,10 @@ class Balls(NamedTuple):
 
     def motion(self, impulses: FloatArray) -> FloatArray:
         """Return v and τ of all balls, and zeros for surfaces, from Λ over rows; flat from shape (n_balls + 1, 6)."""
-        moved = np.zeros(6 * len(self.inverse_masses))
+        motion = np.zeros(6 * len(self.inverse_masses))
         if impulses.any():
-            _write_motion(self.contacts.chunks, self.contacts.normals, self.inverse_masses, impulses, moved)
-        return moved
+            _write_motion(self.contacts.chunks, self.contacts.normals, self.inverse_masses, impulses, motion)
+        return motion
 
 
 def balls_of(problem: ContactProblem) -> Balls | None:
@@ -137,9 +137,9 @@ class BallIterates(MomentumState, SinglePassIterates):
         self._sweep = sweep
         self._impulses = np.zeros(3 * len(sweep.bodies) // 2)
         self._impulses[sweep.slots] = start
-        self._moved = sweep.balls.motion(start)
+        self._motion = sweep.balls.motion(start)
         self._change = np.zeros_like(self._impulses)
-        self._before = self._moved.copy() if momentum > 0.0 else self._moved
+        self._before = self._motion.copy() if momentum > 0.0 else self._motion
         self._relative = np.empty(len(start))
         self._residual: Residual | None = None
         self._weights = np.empty(0)
@@ -147,7 +147,7 @@ class BallIterates(MomentumState, SinglePassIterates):
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         data = self._sweep
-        arrays = (self._impulses, self._moved, self._change, self._before)
+        arrays = (self._impulses, self._motion, self._change, self._before)
         momentum = self._momentum, self._delay, self._sweeps, self._beta
         self._beta = sweep_balls(count, data.bodies, data.records, data.balls.spin_share, *arrays, *momentum)
         self._sweeps += count
@@ -160,7 +160,7 @@ class BallIterates(MomentumState, SinglePassIterates):
         """Return ξ over rows."""
         data, contacts = self._sweep, self._sweep.balls.contacts
         share = data.balls.spin_share
-        _write_relative(contacts.chunks, contacts.normals, share, data.free, self._moved, self._relative)
+        _write_relative(contacts.chunks, contacts.normals, share, data.free, self._motion, self._relative)
         return self._relative
 
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
@@ -171,7 +171,7 @@ class BallIterates(MomentumState, SinglePassIterates):
         data, impulses = self._sweep, np.empty(len(self._sweep.slots))
         if residual is not self._residual:
             self._residual, self._weights = residual, data.weights(residual)
-        arrays = data.bodies, data.records, data.balls.spin_share, self._impulses, self._moved
+        arrays = data.bodies, data.records, data.balls.spin_share, self._impulses, self._motion
         violation = largest_violation(*arrays, self._weights, data.slots, impulses)
         return impulses, ratio(violation, residual.scale)
 
@@ -237,7 +237,7 @@ def write_weights(alpha, ratios, slots, weights):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_motion(chunks, normals, inverse_masses, impulses, moved):  # type: ignore[no-untyped-def]
+def _write_motion(chunks, normals, inverse_masses, impulses, motion):  # type: ignore[no-untyped-def]
     """Write v and τ of given impulses."""
     for c in range(len(normals)):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
@@ -252,30 +252,30 @@ def _write_motion(chunks, normals, inverse_masses, impulses, moved):  # type: ig
         for side in range(2):
             ball, sign = chunks[2 * c + side], 1.0 - 2.0 * side
             for axis in range(3):
-                moved[6 * ball + axis] += sign * inverse_masses[ball] * push[axis]
-                moved[6 * ball + 3 + axis] -= inverse_masses[ball] * turn[axis]
+                motion[6 * ball + axis] += sign * inverse_masses[ball] * push[axis]
+                motion[6 * ball + 3 + axis] -= inverse_masses[ball] * turn[axis]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_relative(chunks, normals, share, free, moved, relative):  # type: ignore[no-untyped-def]
+def _write_relative(chunks, normals, share, free, motion, relative):  # type: ignore[no-untyped-def]
     """Write ξ = GΛ + c."""
     for c in range(len(normals)):
-        xi = _relative(c, chunks, normals, share, free, moved)
+        xi = _relative(c, chunks, normals, share, free, motion)
         relative[3 * c], relative[3 * c + 1], relative[3 * c + 2] = xi
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def _relative(c, chunks, normals, share, free, moved):  # type: ignore[no-untyped-def]
+def _relative(c, chunks, normals, share, free, motion):  # type: ignore[no-untyped-def]
     """Return ξ of one contact."""
     row, six = uint64(3) * uint64(c), uint64(6)
     i, j = six * uint64(chunks[uint64(2) * uint64(c)]), six * uint64(chunks[uint64(2) * uint64(c) + uint64(1)])
     normal = normals[c, 0], normals[c, 1], normals[c, 2]
     first, second = tangents(normal[0], normal[1], normal[2])
-    dx = moved[i] - moved[j]
-    dy = moved[i + uint64(1)] - moved[j + uint64(1)]
-    dz = moved[i + uint64(2)] - moved[j + uint64(2)]
-    sx = share * (moved[i + uint64(3)] + moved[j + uint64(3)])
-    sy = share * (moved[i + uint64(4)] + moved[j + uint64(4)])
-    sz = share * (moved[i + uint64(5)] + moved[j + uint64(5)])
+    dx = motion[i] - motion[j]
+    dy = motion[i + uint64(1)] - motion[j + uint64(1)]
+    dz = motion[i + uint64(2)] - motion[j + uint64(2)]
+    sx = share * (motion[i + uint64(3)] + motion[j + uint64(3)])
+    sy = share * (motion[i + uint64(4)] + motion[j + uint64(4)])
+    sz = share * (motion[i + uint64(5)] + motion[j + uint64(5)])
     contact_free = free[row], free[row + uint64(1)], free[row + uint64(2)]
     return in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), contact_free)

@@ -135,7 +135,7 @@ def sweep_batches(  # type: ignore[no-untyped-def]
     """
     two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
     row, n_batches = lanes * length, uint64(len(bodies)) // (two * lanes)
-    own, others, turn = np.empty(two * row), np.empty(two * row), np.empty(lanes)
+    v_before, v_after, turn = np.empty(two * row), np.empty(two * row), np.empty(lanes)
     for _ in range(count):
         if momentum > 0.0:
             extrapolate(scaled, before, beta, 0, len(scaled))
@@ -145,15 +145,15 @@ def sweep_batches(  # type: ignore[no-untyped-def]
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
-                    own[lanes * x + lane] = scaled[a + x]
-                    own[lanes * (length + x) + lane] = scaled[b + x]
+                    v_before[lanes * x + lane] = scaled[a + x]
+                    v_before[lanes * (length + x) + lane] = scaled[b + x]
             begin, first_entry = (uint64(6) * row + uint64(9) * lanes) * batch, three * lanes * batch
-            update_batch(axes, records, begin, impulses, change, first_entry, beta, turn, own, others)
+            update_batch(axes, records, begin, impulses, change, first_entry, beta, turn, v_before, v_after)
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
-                    scaled[a + x] = others[lanes * x + lane]
-                    scaled[b + x] = others[lanes * (length + x) + lane]
+                    scaled[a + x] = v_after[lanes * x + lane]
+                    scaled[b + x] = v_after[lanes * (length + x) + lane]
         sweeps += 1
         beta = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
     return beta
