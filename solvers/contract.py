@@ -1,4 +1,4 @@
-"""Checks that a plugin's solver implements the interface; each fault is described in a sentence for its author.
+"""Checks that a plugin's solver implements the interface; a sentence describes each fault to the plugin's author.
 
 Only the form is checked: members, signatures, names, and the types of return values. The conformance tests check the
 behaviour.
@@ -47,8 +47,8 @@ def make_solver(name: str, source: str, factory: Any, options: dict[str, Any]) -
     fault = form_fault(solver) or _name_fault(solver, name, factory, options)
     if fault:
         raise PluginError(f"{head} does not implement the solver interface: {fault}.")
-    made: Solver = solver
-    return made
+    checked_solver: Solver = solver
+    return checked_solver
 
 
 def check_factory(name: str, source: str, factory: Any) -> None:
@@ -82,8 +82,8 @@ def form_fault(solver: Any) -> str | None:
     fault = _threads_fault(getattr(solver, "threads", 1))
     if fault:
         return fault
-    for method, wanted in _METHODS.items():
-        fault = _method_fault(solver, method, wanted, lambda signature: signature.bind(None))
+    for method, expected_call in _METHODS.items():
+        fault = _method_fault(solver, method, expected_call, lambda signature: signature.bind(None))
         if fault:
             return fault
     return None
@@ -150,8 +150,8 @@ def type_fault(solution: Any) -> str | None:
 
 def _name_fault(solver: Any, name: str, factory: Callable[..., Any], options: dict[str, Any]) -> str | None:
     """Return why the solver cannot be recreated from its name, or None; results identify solvers by their names."""
-    plain, _, written_options = solver.name.partition("(")
-    if plain != name:
+    base_name, _, written_options = solver.name.partition("(")
+    if base_name != name:
         return f"its name is {solver.name!r}, but must begin with {name!r}, its name in the plugin"
     for option, parameter in inspect.signature(factory).parameters.items():
         differs = option in options and options[option] != parameter.default
@@ -169,10 +169,12 @@ def _missing(member: str, value: Any, meaning: str, example: str) -> str:
     return f"its {member} is {_with_article(value)}, not {meaning}, for example {example}"
 
 
-def _method_fault(thing: Any, name: str, wanted: str, bind: Callable[[inspect.Signature], object]) -> str | None:
-    method = getattr(thing, name, None)
+def _method_fault(
+    target: Any, name: str, expected_call: str, bind: Callable[[inspect.Signature], object]
+) -> str | None:
+    method = getattr(target, name, None)
     if not callable(method):
-        return f"it has no method {wanted}"
+        return f"it has no method {expected_call}"
     try:
         signature = inspect.signature(method)
     except (TypeError, ValueError):
@@ -180,7 +182,7 @@ def _method_fault(thing: Any, name: str, wanted: str, bind: Callable[[inspect.Si
     try:
         bind(signature)
     except TypeError:
-        return f"it has {name}{signature}, which cannot be called as {wanted}"
+        return f"it has {name}{signature}, which cannot be called as {expected_call}"
     return None
 
 

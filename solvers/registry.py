@@ -100,10 +100,10 @@ def compiled_solvers(name: str | None = None) -> list[str]:
     Raises:
         SolverError: if the text is not a name.
     """
-    with_kernels = [own for own, module in {**BUILT_IN, **PARTS}.items() if "cvxpy" not in module]
+    with_kernels = [solver for solver, module in {**BUILT_IN, **PARTS}.items() if "cvxpy" not in module]
     if name is None:
-        return [own for own in with_kernels if own in BUILT_IN]
-    return [own for own in plain_names(name) if own in with_kernels]
+        return [solver for solver in with_kernels if solver in BUILT_IN]
+    return [solver for solver in plain_names(name) if solver in with_kernels]
 
 
 def peers() -> list[str]:
@@ -132,7 +132,7 @@ def plugin_solvers() -> list[Offer]:
 
 
 def is_built_in(name: str) -> bool:
-    """Return whether a plain name is reserved for a solver of Proxbench."""
+    """Whether a plain name is reserved for a solver of Proxbench."""
     return name in _OWN
 
 
@@ -173,7 +173,7 @@ def _make(written: Name) -> Solver:
 def _make_composite(plain: str, parts: list[Solver], options: Mapping[str, Any]) -> Solver:
     make = _built_in(plain)
     signature = inspect.signature(make)
-    known = [name for name, one in signature.parameters.items() if one.kind is one.KEYWORD_ONLY]
+    known = [name for name, option in signature.parameters.items() if option.kind is option.KEYWORD_ONLY]
     check_options(plain, options, known, SolverError)
     try:
         signature.bind(*parts, **options)
@@ -203,8 +203,8 @@ def find_offer(name: str) -> Offer | None:
     Raises:
         SolverError: if the name is unknown; the message suggests the nearest one.
     """
-    found = [_offer(plain) for plain in plain_names(name) if plain not in _OWN]
-    return found[0] if found else None
+    plugin_offers = [_offer(plain) for plain in plain_names(name) if plain not in _OWN]
+    return plugin_offers[0] if plugin_offers else None
 
 
 def plain_names(name: str) -> list[str]:
@@ -227,11 +227,11 @@ def native_parts(name: str) -> list[str]:
         SolverError: if the text is not a name.
     """
 
-    def found(written: Name) -> list[str]:
-        own = [_native_text(written)] if written.plain in _NATIVE else []
-        return own + [name for part in written.parts for name in found(part)]
+    def native_names(written: Name) -> list[str]:
+        names = [_native_text(written)] if written.plain in _NATIVE else []
+        return names + [name for part in written.parts for name in native_names(part)]
 
-    return found(parse(name))
+    return native_names(parse(name))
 
 
 def _native_text(written: Name) -> str:
@@ -247,11 +247,11 @@ def _built_in(name: str) -> Callable[..., Solver]:
 
 
 def _offer(name: str) -> Offer:
-    found = plugin_solvers()
-    for offer in found:
+    plugin_offers = plugin_solvers()
+    for offer in plugin_offers:
         if offer.name == name:
             return offer
-    usable = [offer.name for offer in found if not offer.rejection]
+    usable = [offer.name for offer in plugin_offers if not offer.rejection]
     raise SolverError(f"there is no solver {name!r}{suggestion(name, [*_OWN, *usable], 'proxbench list solvers')}")
 
 
@@ -269,7 +269,7 @@ def parse(text: str) -> Name:
     Raises:
         SolverError: if the text is neither a name nor a name with keyword options.
     """
-    named = _PATH.sub(lambda found: f"{found[1]}(path={found[2] or found[3] or found[4] or ''!r}", text)
+    named = _PATH.sub(lambda match: f"{match[1]}(path={match[2] or match[3] or match[4] or ''!r}", text)
     return read_name(named, "solver", "SORprox(relaxation=1.5)", SolverError)
 
 
@@ -284,6 +284,9 @@ def solve(
         solver: a solver, or its name; ``Robust`` sweeps while that is fast, and continues with other methods.
         tolerance: the judge's residual to reach.
         limits: ``max_iterations`` and ``max_seconds``.
+
+    Returns:
+        The solution; its status is unsupported if the solver cannot solve the problem.
 
     Raises:
         SolverError: if the solver, an option or a limit is unknown, ``solver`` does not implement the interface, or

@@ -1,8 +1,9 @@
 """Fallback: several solvers in sequence, until one solves the problem.
 
 A problem can be hard for one method or start, and easy for another. The impulses of the last time step may lead to a
-plateau of the residual that a start at zero avoids. One relaxation may oscillate about a solution that another reaches.
-The first solver runs from the given impulses. Then all solvers run from zero.
+plateau of the residual that a start at zero avoids. Sweeps with one relaxation factor may oscillate about a solution
+that another factor reaches. The first solver runs from the given impulses, unless they are zero. Then all solvers run
+from zero.
 """
 
 from collections.abc import Iterator

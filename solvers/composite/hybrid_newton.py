@@ -92,7 +92,7 @@ class PreparedHybrid:
         driver = IterationDriver(iterates, self._begin, monitor, observe)
         newton = NewtonRunner(self.equations, driver)
         restarts = Restarts(newton, self.sweep, first)
-        rate, wait, n_attempts = ConvergenceRate(), SWEEPS_BEFORE, 0
+        rate, wait, n_failures = ConvergenceRate(), SWEEPS_BEFORE, 0
         while True:
             impulses, residual, outcome = check_convergence(self.problem, self.residual, driver)
             if self._is_stuck(outcome, monitor) and restarts.are_due:
@@ -107,11 +107,12 @@ class PreparedHybrid:
             if outcome is not None:
                 return monitor.solution(outcome, driver.iteration, self.problem.n_rows)
             if rate.sweeps >= wait and rate.sweeps_per_digit(residual) > SLOW:
-                found, lowest = newton.run(SETTINGS[n_attempts % len(SETTINGS)], impulses, residual)
-                if lowest < residual:
-                    iterates.move_to(found)
-                if lowest > SUCCESS * residual:
-                    n_attempts, wait = n_attempts + 1, 2 * wait
+                settings = SETTINGS[n_failures % len(SETTINGS)]
+                newton_impulses, newton_residual = newton.run(settings, impulses, residual)
+                if newton_residual < residual:
+                    iterates.move_to(newton_impulses)
+                if newton_residual > SUCCESS * residual:
+                    n_failures, wait = n_failures + 1, 2 * wait
                     rate = ConvergenceRate()
                 continue
             count = driver.run_to_next_check()
@@ -139,17 +140,21 @@ class ConvergenceRate:
 
     def __init__(self) -> None:
         self.sweeps = 0
-        self._marks: list[tuple[int, float]] = []
+        self._records: list[tuple[int, float]] = []
 
     def record(self, count: int, residual: float) -> None:
         """Record ``count`` sweeps that began with ``residual``."""
-        self._marks.append((self.sweeps, residual))
+        self._records.append((self.sweeps, residual))
         self.sweeps += count
 
     def sweeps_per_digit(self, residual: float) -> float:
-        """Return the number of sweeps per digit of the residual, over the last ``SWEEPS_BEFORE`` sweeps or more."""
-        earlier = [mark for mark in self._marks if mark[0] <= self.sweeps - SWEEPS_BEFORE]
+        """Return the number of sweeps per digit of the residual, over the last ``SWEEPS_BEFORE`` sweeps or more.
+
+        Return infinity if the residual has not decreased, or if fewer sweeps are recorded.
+        """
+        earlier = [record for record in self._records if record[0] <= self.sweeps - SWEEPS_BEFORE]
         if not earlier or not residual < earlier[-1][1]:
             return np.inf
-        since, before = earlier[-1]
-        return float((self.sweeps - since) / np.log10(before / residual)) if residual > 0.0 else 0.0
+        first_sweep, first_residual = earlier[-1]
+        n_sweeps = self.sweeps - first_sweep
+        return float(n_sweeps / np.log10(first_residual / residual)) if residual > 0.0 else 0.0

@@ -6,16 +6,16 @@ hundred sweeps with momentum usually find these digits, and cost less than two f
 
     InteriorPoint      fast if the path parameter τ can decrease steadily
     NesterovSORprox    the last digits, from the end of that run
-    ClarabelCoulomb    from zero, if programs are cheap, while each program gains a digit, as for bodies at rest
+    ClarabelCoulomb    from zero, if cone programs are cheap, while each program gains a digit
     CentralPath        follows the path from its beginning, through its turns
-    NesterovSORprox    from its end
-    ProximalPoint      also from its end: Newton's method, regular for any number of redundant contacts
+    NesterovSORprox    from the end of the path
+    ProximalPoint      also from the end of the path: Newton's method, regular for any number of redundant contacts
     HybridNewton       from the best impulses: sweeps that change contact states one by one if no path helps
 
 Where other sweeps are faster than ``NesterovSORprox``, they replace it (``sweep_selection``). The last four methods run
 in five rounds, with increasing iteration limits for the path and ``HybridNewton``. The path continues where it stopped.
-If it has ended, and in the fourth round, it restarts with series of another order, which may not cycle where the first
-ones do. When both paths have ended, ``ProximalPoint`` starts from the best impulses. Before the last round,
+If it has ended, and in the fourth round, it restarts with series of another order, which may not cycle where series of
+the first order do. When both paths have ended, ``ProximalPoint`` starts from the best impulses. Before the last round,
 ``SemismoothNewton`` starts from zero, because the other methods may all lead to the same iterate. No method delays the
 others for long, and the runs do not depend on the speed of the machine.
 """
@@ -158,6 +158,7 @@ def _n_pairs(pieces: Pieces) -> int:
 
 
 def _runs(sequence: SolverSequence, start: FloatArray | None) -> Iterator[SolverRun]:
+    """Yield the runs in order; each depends on the results of the previous runs."""
     problem = sequence.problem
     zeros, form = np.zeros(problem.n_rows), form_for(problem)
     yield sequence.plan(first_method(problem), zeros if start is None else start, MAX_FIRST_STEPS)

@@ -30,7 +30,8 @@ MAX_WAIT_ITERATIONS = 8
 """Largest number of iterations between a failed refinement and the next one."""
 
 FIRST_SEARCH = 4
-"""Iteration of a phase in which Newton's method first uses a line search; the number doubles for each further run."""
+"""Iteration of a phase at which Newton's method first uses a line search. For each later line search, the number of the
+iteration doubles."""
 
 
 @dataclass(frozen=True)
@@ -78,24 +79,25 @@ class Refinement(Correction):
 
     def begin_phase(self) -> None:
         """See ``Correction``."""
-        self._seen, self._wait, self._next, self._search = 0, 1, 2, FIRST_SEARCH
+        self._n_iterates, self._wait_iterations, self._next_refinement, self._next_search = 0, 1, 2, FIRST_SEARCH
 
     def correct(self, impulses: FloatArray, residual: float, is_last: bool) -> tuple[FloatArray, float]:
         """See ``Correction``."""
-        self._seen += 1
+        self._n_iterates += 1
         if residual <= self.tolerance:
             return impulses, residual
         if is_last:
             return self._refine(THOROUGH, impulses, residual)
-        if self._seen >= self._search:
-            self._search = 2 * self._seen
+        if self._n_iterates >= self._next_search:
+            self._next_search = 2 * self._n_iterates
             return self._refine((LINE_SEARCH,), impulses, residual)
-        if self._seen < self._next:
+        if self._n_iterates < self._next_refinement:
             return impulses, residual
-        found, reached = self._refine((REFINEMENT,), impulses, residual)
-        self._wait = 1 if reached < SUCCESS * residual else min(2 * self._wait, MAX_WAIT_ITERATIONS)
-        self._next = self._seen + self._wait
-        return found, reached
+        refined, refined_residual = self._refine((REFINEMENT,), impulses, residual)
+        is_success = refined_residual < SUCCESS * residual
+        self._wait_iterations = 1 if is_success else min(2 * self._wait_iterations, MAX_WAIT_ITERATIONS)
+        self._next_refinement = self._n_iterates + self._wait_iterations
+        return refined, refined_residual
 
     def _refine(
         self, attempts: tuple[NewtonSettings, ...], impulses: FloatArray, residual: float
@@ -106,7 +108,9 @@ class Refinement(Correction):
         for settings in attempts:
             if lowest <= self.tolerance or self.clock.has_expired:
                 break
-            found, reached = self._newton.run(settings, impulses, residual, lambda _: not self.clock.has_expired)
-            if reached < lowest:
-                best, lowest = found, reached
+            refined, refined_residual = self._newton.run(
+                settings, impulses, residual, lambda _: not self.clock.has_expired
+            )
+            if refined_residual < lowest:
+                best, lowest = refined, refined_residual
         return best, lowest

@@ -30,7 +30,7 @@ from ..sweeps.delassus import DelassusIterates, DelassusSweep
 from ..sweeps.safeguarded import SafeguardedIterates
 
 WORK_SHARE = 1.0
-"""Work of restarts, relative to all work before."""
+"""Work of restarts, relative to the work of the solve before them."""
 
 MIN_WORK = 5.0
 """Nominal seconds that restarts may use even after little work: over a thousand Newton steps on a few contacts."""
@@ -44,7 +44,13 @@ MAX_SWEEPS = 128
 
 @dataclass
 class Predictor:
-    """A source of iterates after ``done`` sweeps; ``attempted`` is ``done`` at the last Newton attempt, −1 before."""
+    """A sequence of iterates.
+
+    Attributes:
+        iterates: the current iterate and its sweeps.
+        done: number of sweeps so far.
+        attempted: number of sweeps before the last attempt of Newton's method; −1 before the first attempt.
+    """
 
     iterates: Iterates
     done: int = 0
@@ -56,12 +62,12 @@ class Restarts:
 
     def __init__(self, newton: NewtonRunner, sweep: DelassusSweep, first: FloatArray) -> None:
         self._newton, self._driver, self._sweep, self._first = newton, newton.driver, sweep, first
-        self._due = 0.0
+        self._due_work = 0.0
 
     @property
     def are_due(self) -> bool:
         """Whether the work has doubled since the last restarts."""
-        return self._newton.work.seconds >= self._due
+        return self._newton.work.seconds >= self._due_work
 
     @property
     def best(self) -> FloatArray:
@@ -82,7 +88,7 @@ class Restarts:
             outcome = self._advance(predictor, work_until)
             if predictor.attempted < predictor.done <= MAX_SWEEPS:
                 predictors.append(predictor)
-        self._due = 2.0 * work.seconds
+        self._due_work = 2.0 * work.seconds
         return outcome
 
     def _predictors(self) -> list[Predictor]:
@@ -135,8 +141,8 @@ class Restarts:
         """Do up to ``max_sweeps`` sweeps within the limits; return their number."""
         driver, done = self._driver, 0
         while done < max_sweeps and not self._newton.is_over:
-            left = driver.monitor.stop.max_iterations - driver.iteration
-            count = min(max_sweeps - done, left, MAX_CHECK_INTERVAL)
+            remaining = driver.monitor.stop.max_iterations - driver.iteration
+            count = min(max_sweeps - done, remaining, MAX_CHECK_INTERVAL)
             driver.run(count)
             self._newton.work.count_sweeps(count)
             done += count

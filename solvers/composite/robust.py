@@ -15,7 +15,8 @@ that follow. Anderson acceleration often gains more in a few sweeps than momentu
 rows take no longer than a hundred sweeps. With joints, they transmit impulses along whole chains; a sweep transmits
 them only to the next joint. In both cases the first windows are short: Newton steps are tried after the first window
 that gains no digit, and sweeps continue if the steps fail. No decision depends on the tolerance, on the number of
-cores, or on the clock except for the time limit: after the first window, numerical libraries use one thread.
+cores, or, except for the time limit, on the clock. After the first window, numerical libraries use one thread, so that
+results do not depend on the number of cores.
 """
 
 from collections.abc import Callable
@@ -51,7 +52,7 @@ ACCELERATED, ACCELERATED_SHARE = AndersonSORprox(), 10
 """The accelerated sweeps, and how many times longer a window of other sweeps is."""
 
 NEWTON_SETTINGS = replace(LINE_SEARCH, max_steps=8)
-"""Newton steps from the last swept impulses, which identify the states even before the residual has fallen."""
+"""Settings of Newton steps from the last swept impulses, which identify states before the residual has fallen."""
 
 FINAL_STATUSES = (Status.SOLVED, Status.ITERATION_LIMIT, Status.TIME_LIMIT)
 """Outcomes of sweeps that end the solve."""
@@ -109,8 +110,8 @@ class PreparedRobust:
                 begin = accelerated_sweeps(sequence) if is_last else None
                 if begin is not None:
                     driver = IterationDriver(begin(result.best.copy()), begin, monitor, observe, sequence.iterations)
-                    whole = window.length if length == lengths[-1] else lengths[-1]
-                    window = Window(whole // ACCELERATED_SHARE, driver.iteration)
+                    full_length = window.length if length == lengths[-1] else lengths[-1]
+                    window = Window(full_length // ACCELERATED_SHARE, driver.iteration)
                     result = run_sweeps(sequence, driver, ACCELERATED.name, window, first=first)
                 solution = result.solution or run_newton_steps(sequence, equations, driver, result)
                 if solution is not None:
@@ -179,7 +180,7 @@ def accelerated_sweeps(sequence: SolverSequence) -> Callable[[FloatArray], Itera
 
 
 def run_newton_steps(
-    sequence: SolverSequence, equations: Callable[[], Equations], driver: IterationDriver, swept: SweepResult
+    sequence: SolverSequence, equations: Callable[[], Equations], driver: IterationDriver, result: SweepResult
 ) -> Solution | None:
     """Try Newton's method from the last swept Λ; return the solution if the solve is over."""
     try:
@@ -187,7 +188,7 @@ def run_newton_steps(
     except InsufficientMemoryError as error:
         sequence.history.append(f"Newton steps: {error_text(error)}")
         return None
-    sequence.keep_best(*newton.run(NEWTON_SETTINGS, swept.latest, swept.residual))
+    sequence.keep_best(*newton.run(NEWTON_SETTINGS, result.latest, result.residual))
     sequence.iterations = newton.driver.iteration
     is_solved = sequence.best_residual <= sequence.stop.tolerance
     sequence.history.append(f"Newton steps: {Status.SOLVED if is_solved else 'not solved'}")

@@ -31,7 +31,7 @@ class SolverRun:
 
 @dataclass(frozen=True, eq=False)
 class _Unprepared:
-    """A solver that cannot be prepared for the problem."""
+    """A solver that cannot be prepared or run, because the memory does not suffice."""
 
     problem: ContactProblem
     reason: str
@@ -93,8 +93,10 @@ class SolverSequence:
 
     def run(self, run: SolverRun) -> Solution | None:
         """Do one run; return the solution if the sequence is over, otherwise None."""
-        left = self.stop.max_iterations - self.iterations
-        limits = Stop(self.stop.tolerance, min(run.max_iterations, left), max(self.clock.remaining, 1e-9))
+        remaining_iterations = self.stop.max_iterations - self.iterations
+        limits = Stop(
+            self.stop.tolerance, min(run.max_iterations, remaining_iterations), max(self.clock.remaining, 1e-9)
+        )
         try:
             last = run.prepared.solve(limits, run.start, self._run_observer())
         except InsufficientMemoryError as error:

@@ -53,14 +53,14 @@ UNCOUPLED_SWEEPS, SAFEGUARDED_SWEEPS = NSGS(), SafeguardedSORprox(RELAXATION)
 
 def select_sweeps(problem: ContactProblem) -> Sweeps:
     """Return the sweeps that are expected to be fastest on ``problem``."""
-    found = density(problem)
-    if found == UNCOUPLED:
+    ratio = density(problem)
+    if ratio == UNCOUPLED:
         return UNCOUPLED_SWEEPS
     is_spatial = problem.layout.sliding == 2
-    is_many = is_spatial and problem.n_contacts >= MIN_MOMENTUM_CONTACTS and found <= MAX_MOMENTUM_DENSITY
+    is_many = is_spatial and problem.n_contacts >= MIN_MOMENTUM_CONTACTS and ratio <= MAX_MOMENTUM_DENSITY
     relaxation = FAST_RELAXATION if is_many else RELAXATION
     momentum: Momentum = FAST_MOMENTUM if is_many else 0.0
-    if found > (FACTORS_DENSITY_ON_FEW_ROWS if problem.n_rows <= MAX_SMALL_SIZE else FACTORS_DENSITY):
+    if ratio > (FACTORS_DENSITY_ON_FEW_ROWS if problem.n_rows <= MAX_SMALL_SIZE else FACTORS_DENSITY):
         return SORprox(relaxation=relaxation, momentum=momentum, form="factors")
     return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SAFEGUARDED_SWEEPS
 
@@ -99,8 +99,8 @@ def density(problem: ContactProblem) -> float:
             else UNCOUPLED
         )
     pieces = problem.factor_pieces()
-    most, pairs = count_shared_chunks(pieces.chunks, pieces.n_chunks)
-    return UNCOUPLED if most <= 1 else pieces.width * pairs / max(2.0 * len(pieces.chunks) * pieces.length, 1.0)
+    max_shared, pairs = count_shared_chunks(pieces.chunks, pieces.n_chunks)
+    return UNCOUPLED if max_shared <= 1 else pieces.width * pairs / max(2.0 * len(pieces.chunks) * pieces.length, 1.0)
 
 
 @interpretable
@@ -108,8 +108,8 @@ def density(problem: ContactProblem) -> float:
 def couples_contacts(starts: NDArray[Any], columns: NDArray[Any], values: FloatArray, contact_of_row: IntArray) -> bool:
     """Whether a matrix, shape (n_rows, n_rows), has an entry between two contacts."""
     for row in range(len(contact_of_row)):
-        for place in range(starts[row], starts[row + 1]):
-            if contact_of_row[columns[place]] != contact_of_row[row] and values[place] != 0.0:
+        for entry in range(starts[row], starts[row + 1]):
+            if contact_of_row[columns[entry]] != contact_of_row[row] and values[entry] != 0.0:
                 return True
     return False
 
@@ -121,8 +121,8 @@ def count_shared_chunks(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
     counts = np.zeros(n_chunks + 1)
     for chunk in chunks:
         counts[chunk] += 1.0
-    most, pairs = 0.0, 0.0
+    max_count, pairs = 0.0, 0.0
     for count in counts[:n_chunks]:
-        most = max(most, count)
+        max_count = max(max_count, count)
         pairs += count * count
-    return int(most), pairs
+    return int(max_count), pairs

@@ -89,9 +89,9 @@ class PreparedConvex:
             return Solution(best, Status.SOLVED, 0)
         accuracies = _Accuracies(stop.tolerance)
         for accuracy, is_careful in accuracies:
-            left = stop.max_iterations - iterations
+            iterations_left = stop.max_iterations - iterations
             velocity, seconds_left = self.problem.free_velocity, stop.max_seconds - seconds
-            result = self.program.run(velocity, accuracy, left, seconds_left, is_careful)
+            result = self.program.run(velocity, accuracy, iterations_left, seconds_left, is_careful)
             seconds += result.seconds
             iterations += result.iterations
             if np.isfinite(result.impulses).all():
@@ -115,8 +115,8 @@ class _Accuracies:
     """Tolerances to try: decreasing until the conic solver fails, then the others, then all with careful runs."""
 
     def __init__(self, tolerance: float) -> None:
-        fitting = [step for step, accuracy in enumerate(LADDER) if accuracy <= FIRST_ACCURACY * tolerance]
-        self._first = fitting[0] if fitting else len(LADDER) - 1
+        tight_steps = [step for step, accuracy in enumerate(LADDER) if accuracy <= FIRST_ACCURACY * tolerance]
+        self._first = tight_steps[0] if tight_steps else len(LADDER) - 1
         self.is_failing = False
 
     def __iter__(self) -> Iterator[tuple[float, bool]]:

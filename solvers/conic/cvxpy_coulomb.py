@@ -4,7 +4,7 @@
 
 with G = RᵀR. R is W̃ where the factors are known; otherwise it is computed from the eigenvalues of G. y is Λ in the
 units of ``programs.Scaling``, and the regularisation is that of ``programs``. The linear term is a parameter: cvxpy
-compiles the program once, and later runs replace b alone. ``ClarabelCoulomb`` solves the same program without cvxpy,
+compiles the program once, and later runs replace only b. ``ClarabelCoulomb`` solves the same program without cvxpy,
 which saves the time for compiling.
 """
 
@@ -153,22 +153,24 @@ class CvxpyProgram:
             options[iteration_limit] = max(1, min(MAX_SOLVER_ITERATIONS, iterations))
         if time_limit:
             options[time_limit] = max(seconds, 1e-3)
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # they report inaccuracy, which the judge measures
+                warnings.simplefilter("ignore")  # warnings report inaccuracy, which the judge measures
                 self._program.solve(solver=self._solver, warm_start=False, **options)
             status = {cp.OPTIMAL: ConicStatus.CONVERGED, cp.UNBOUNDED: ConicStatus.UNBOUNDED}.get(
                 self._program.status, ConicStatus.GAVE_UP
             )
         except cp.error.SolverError:
             status = ConicStatus.GAVE_UP
-        taken = time.perf_counter() - began
-        found = self._impulses.value
-        impulses = np.full(self._problem.n_rows, np.nan) if found is None else self._scaling.impulse * found
+        elapsed = time.perf_counter() - start_time
+        scaled_impulses = self._impulses.value
+        impulses = np.full(self._problem.n_rows, np.nan)
+        if scaled_impulses is not None:
+            impulses = self._scaling.impulse * scaled_impulses
         stats = self._program.solver_stats
         count = getattr(stats, "num_iters", None) if stats is not None else None
-        return ConicResult(impulses, int(count or 1), taken, status)
+        return ConicResult(impulses, int(count or 1), elapsed, status)
 
     def regularised(self, weight: FloatArray) -> "CvxpyProgram":
         """See ``ConicProgram``."""
@@ -196,9 +198,10 @@ def _constraints(problem: ContactProblem, scaling: Scaling, impulses: Any) -> li
             blocks = np.flatnonzero((lanes >= 0).sum(axis=1) == count)
             if not len(blocks):
                 continue
-            mu, own, held = coefficients[blocks], normal[blocks], normal[blocks] >= 0
-            pick = sp.csr_array((mu[held], (np.flatnonzero(held), own[held])), shape=(len(blocks), problem.n_rows))
-            bound, rows = pick @ impulses + bounds[blocks], lanes[blocks, :count]
+            mu, normal_rows, has_normal = coefficients[blocks], normal[blocks], normal[blocks] >= 0
+            entries = mu[has_normal], (np.flatnonzero(has_normal), normal_rows[has_normal])
+            weighted_normals = sp.csr_array(entries, shape=(len(blocks), problem.n_rows))
+            bound, rows = weighted_normals @ impulses + bounds[blocks], lanes[blocks, :count]
             if count == 1:
                 constraints.append(cp.abs(impulses[rows[:, 0]]) <= bound)
             else:

@@ -84,7 +84,8 @@ class Phase:
 
 
 PHASES = (Phase(0.0, 25), Phase(0.01, 50), Phase(0.1, 50), Phase(1.0, 50))
-"""The phases. All but the first begin at Λ = 0. The last one continues to the limits unless nothing changes."""
+"""The phases. All but the first begin at Λ = 0. The last one continues to the limits unless the iterates repeat or
+rounding explains the residual."""
 
 FAST_PHASE = Phase(0.0, 1, progress=0.1)
 """De Saxcé's iteration as long as each cone program reduces the residual tenfold."""
@@ -130,7 +131,7 @@ class FixedPointMethod(Method, ABC):
 
 @dataclass(frozen=True)
 class FastFixedPoint(Method):
-    """A fixed-point iteration that ends when a program gains less than a digit, under the name of its method.
+    """A fixed-point iteration that ends when a program gains less than a digit. It has the name of its method.
 
     If bodies stay at rest, s = 0 is the solution, and the first program finds it. The more slowly contacts slip, the
     faster the iteration converges. Where it converges slowly, other methods are faster.
@@ -189,7 +190,7 @@ class PreparedFixedPoint:
                 break
             first = np.zeros(self.problem.n_rows)
             shift = lift(self.problem, self.problem.free_velocity)
-        status, reason = outcome or Outcome(Status.STALLED, outer.stalled)
+        status, reason = outcome or Outcome(Status.STALLED, outer.stall_reason)
         return Solution(outer.best, status, outer.iteration, reason)
 
 
@@ -221,8 +222,8 @@ class _Outer:
     best: FloatArray
     lowest: float
     iteration: int = 0
-    stalled: str = ""
-    _inner: int = 0
+    stall_reason: str = ""
+    _inner_iterations: int = 0
     clock: Clock = field(init=False)
     correction: Correction = field(init=False)
 
@@ -239,34 +240,38 @@ class _Outer:
             program = program.regularised(weight)
         anderson = Anderson(memory)
         self.correction.begin_phase()
-        lowest, floor, waited, previous = 1.0, MIN_TOLERANCE, 0, self.best
+        lowest, floor, n_stale, previous = 1.0, MIN_TOLERANCE, 0, self.best
         while self.iteration < self.stop.max_iterations:
             accuracy = min(max((INNER_ERROR * lowest) ** 2, floor), MAX_TOLERANCE)
             vector = shifted_velocity(problem, shift) - weight * impulses
             result = program.run(vector, accuracy, INNER_ITERATIONS, self.clock.remaining)
-            self.iteration, self._inner = self.iteration + 1, self._inner + result.iterations
-            self.stalled = f"the residual stays at {self.lowest:.1e}; the conic solver {result.status}"
+            self.iteration, self._inner_iterations = self.iteration + 1, self._inner_iterations + result.iterations
+            self.stall_reason = f"the residual stays at {self.lowest:.1e}; the conic solver {result.status}"
             if result.status is ConicStatus.UNBOUNDED or not np.isfinite(result.impulses).all():
-                self.stalled = f"the conic solver {result.status} at residual {self.lowest:.1e}"
-                self._record(self.best, self.lowest)  # the observer receives one Λ per iteration, also if it failed
+                self.stall_reason = f"the conic solver {result.status} at residual {self.lowest:.1e}"
+                self._record(self.best, self.lowest)  # the observer receives one Λ per iteration, even after a failure
                 return self._time_limit(result)
             velocity = problem.relative_velocity(result.impulses)
             residual = self.prepared.residual.judged(problem, result.impulses)
             if result.status is ConicStatus.GAVE_UP and residual > PROGRESS * lowest and floor < MAX_TOLERANCE:
                 floor *= TOLERANCE_GROWTH
-            waited = 0 if residual < phase.progress * lowest else waited + 1
-            found, reached = self.correction.correct(result.impulses, residual, waited == phase.patience)
-            self._record(found, reached)
+            n_stale = 0 if residual < phase.progress * lowest else n_stale + 1
+            corrected, corrected_residual = self.correction.correct(
+                result.impulses, residual, n_stale == phase.patience
+            )
+            self._record(corrected, corrected_residual)
             if self.lowest <= self.stop.tolerance:
                 return Outcome(Status.SOLVED, "")
             limit = self._time_limit(result)
-            is_over = waited >= phase.patience and (phase is not PHASES[-1] or self._repeats(result.impulses, previous))
+            is_over = n_stale >= phase.patience and (
+                phase is not PHASES[-1] or self._repeats(result.impulses, previous)
+            )
             if limit is not None or is_over:
                 return limit
             previous = result.impulses
             lowest = min(lowest, residual)
-            if reached < CORRECTION_SUCCESS * residual:
-                impulses, shift = found, lift(problem, problem.relative_velocity(found))
+            if corrected_residual < CORRECTION_SUCCESS * residual:
+                impulses, shift = corrected, lift(problem, problem.relative_velocity(corrected))
                 anderson.restart()
                 continue
             if residual > RESTART_GROWTH * lowest:
@@ -277,7 +282,7 @@ class _Outer:
             mixed = anderson.next(np.concatenate(point), np.concatenate(image))
             shift = np.maximum(mixed[: len(shift)], 0.0)
             impulses = mixed[len(shift) :] / alpha if phase.weight > 0.0 else impulses
-        return Outcome(Status.ITERATION_LIMIT, self._progress())
+        return Outcome(Status.ITERATION_LIMIT, self._progress_text())
 
     def _record(self, impulses: FloatArray, residual: float) -> None:
         """Keep Λ if it is the best so far, and pass it to the observer."""
@@ -293,12 +298,14 @@ class _Outer:
     def _time_limit(self, result: ConicResult) -> Outcome | None:
         """Return the time limit as the outcome if it has passed by this clock or by that of the conic solver."""
         if result.status is ConicStatus.TIME_LIMIT or self.clock.has_expired:
-            return Outcome(Status.TIME_LIMIT, self._progress())
+            return Outcome(Status.TIME_LIMIT, self._progress_text())
         return None
 
-    def _progress(self) -> str:
+    def _progress_text(self) -> str:
         programs = "cone program" if self.iteration == 1 else "cone programs"
-        return f"residual {self.lowest:.1e} after {self.iteration} {programs} with {self._inner} steps in all"
+        return (
+            f"residual {self.lowest:.1e} after {self.iteration} {programs} with {self._inner_iterations} steps in all"
+        )
 
 
 def _alpha(problem: ContactProblem) -> FloatArray:

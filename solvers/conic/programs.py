@@ -75,7 +75,10 @@ class ConicProgram(Protocol):
     """A cone program that has been set up."""
 
     def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
-        """Solve with c = ``velocity`` [m/s], shape (n_rows,), to the conic solver's tolerance ``accuracy``."""
+        """Solve with c = ``velocity`` [m/s], shape (n_rows,), to the conic solver's tolerance ``accuracy``.
+
+        ``iterations`` and ``seconds`` [s] limit the run.
+        """
         ...
 
     def regularised(self, weight: FloatArray) -> "ConicProgram":

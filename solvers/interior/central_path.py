@@ -57,9 +57,11 @@ class CentralPath(InteriorMethod):
         if problem.laws.is_rolling.any():
             return "it has rolling friction, and the path exists only for contacts with one cone each"
         layout = problem.layout
-        remote = np.flatnonzero((layout.partner != np.arange(layout.n_blocks)) & (layout.friction_coefficient > 0.0))
-        if len(remote):
-            law = int(layout.friction_law[remote[0]])
+        remote_blocks = np.flatnonzero(
+            (layout.partner != np.arange(layout.n_blocks)) & (layout.friction_coefficient > 0.0)
+        )
+        if len(remote_blocks):
+            law = int(layout.friction_law[remote_blocks[0]])
             return f"friction law {law} is bounded by the unilateral law of another contact"
         return super().supports(problem)
 

@@ -26,7 +26,7 @@ INSIDE = 1e-15
 """Smallest distance of iterates from the boundary of a cone, relative to their size."""
 
 SOFTNESS = 1e-9
-"""Entry of D for a joint, where entries of Ĝ are about 1; it makes systems with redundant joints regular."""
+"""Entry of D for a joint; entries of Ĝ are about 1. It makes systems with redundant joints regular."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -56,18 +56,18 @@ def to_boundary(x, d0, d):  # type: ignore[no-untyped-def]
     """Return the smallest t > 0 with x + t(d₀, d̄) on the boundary of the cone, for x inside; inf if there is none."""
     length = tangential_length(d)
     a, half_b = (d0 - length) * (d0 + length), x[0] * d0 - dot_tangential(x, d)
-    c, least = determinant(x), np.inf
+    c, shortest = determinant(x), np.inf
     if d0 < 0.0:
-        least = -x[0] / d0
-    under = half_b * half_b - a * c
-    if under < 0.0:
-        return least
-    root = -half_b + np.sqrt(under) if half_b < 0.0 else -half_b - np.sqrt(under)
+        shortest = -x[0] / d0
+    discriminant = half_b * half_b - a * c
+    if discriminant < 0.0:
+        return shortest
+    root = -half_b + np.sqrt(discriminant) if half_b < 0.0 else -half_b - np.sqrt(discriminant)
     if root > 0.0:
-        least = min(least, c / root)
+        shortest = min(shortest, c / root)
     if a != 0.0 and root / a > 0.0:
-        least = min(least, root / a)
-    return least
+        shortest = min(shortest, root / a)
+    return shortest
 
 
 @njit(cache=True, error_model="numpy")
@@ -108,8 +108,8 @@ def linearise(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-
                 head = (a[0] * b[column] - a[column] * b[0]) / det
             d[0, column] = head
             for lane in range(1, width):
-                own = b[lane] if column == 0 else (b[0] if lane == column else 0.0)
-                d[lane, column] = (own - head * a[lane]) / a[0]
+                entry = b[lane] if column == 0 else (b[0] if lane == column else 0.0)
+                d[lane, column] = (entry - head * a[lane]) / a[0]
         shifts[i, 0] = target - a[0] * b[0] - dot_tangential(a, b) - second[i, 0]
         for lane in range(1, width):
             shifts[i, lane] = -(a[0] * b[lane] + b[0] * a[lane]) - second[i, lane]
@@ -188,7 +188,7 @@ def write_changes(  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def longest_steps(kind, friction, p, q, r, u, dr, du, ds):  # type: ignore[no-untyped-def]
     """Return the longest step that stays inside all cones."""
-    least = np.inf
+    shortest = np.inf
     for i in range(len(kind)):
         t = np.inf
         if kind[i] == NORMAL or kind[i] == BOTH:
@@ -200,8 +200,8 @@ def longest_steps(kind, friction, p, q, r, u, dr, du, ds):  # type: ignore[no-un
             dp, dq = (dr[i, 0], du[i, 0]) if kind[i] == CONE else (friction[i] * dr[i, 0], ds[i])
             t = min(t, to_boundary(p[i], dp, dr[i]))
             t = min(t, to_boundary(q[i], dq, du[i]))
-        least = min(least, t)
-    return least
+        shortest = min(shortest, t)
+    return shortest
 
 
 @njit(cache=True, error_model="numpy")
@@ -241,17 +241,17 @@ def write_second_order(kind, friction, dr, du, ds, second):  # type: ignore[no-u
 @njit(cache=True, error_model="numpy")
 def keep_inside(kind, bound, r, u, slack):  # type: ignore[no-untyped-def]
     """Move iterates that rounding has put on or beyond a boundary back inside."""
-    least = 1e-300
+    min_distance = 1e-300
     for i in range(len(kind)):
         length_r, length_u = tangential_length(r[i]), tangential_length(u[i])
         if kind[i] == NORMAL or kind[i] == BOTH:
-            r[i, 0], u[i, 0] = max(r[i, 0], least), max(u[i, 0], least)
+            r[i, 0], u[i, 0] = max(r[i, 0], min_distance), max(u[i, 0], min_distance)
         if kind[i] == CONE:
-            r[i, 0] = max(r[i, 0], (1.0 + INSIDE) * length_r + least)
-            u[i, 0] = max(u[i, 0], (1.0 + INSIDE) * length_u + least)
+            r[i, 0] = max(r[i, 0], (1.0 + INSIDE) * length_r + min_distance)
+            u[i, 0] = max(u[i, 0], (1.0 + INSIDE) * length_u + min_distance)
         if kind[i] >= DISC:
-            slack[i] = max(slack[i], (1.0 + INSIDE) * length_u + least)
+            slack[i] = max(slack[i], (1.0 + INSIDE) * length_u + min_distance)
             if length_r >= (1.0 - INSIDE) * bound[i]:
-                shrunk = (1.0 - INSIDE) * bound[i] / length_r
+                factor = (1.0 - INSIDE) * bound[i] / length_r
                 for lane in range(1, r.shape[1]):
-                    r[i, lane] *= shrunk
+                    r[i, lane] *= factor

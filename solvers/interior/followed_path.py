@@ -1,4 +1,4 @@
-"""The central path of one problem: a point on it, the step to the next one by power series, and corrections in between.
+"""The central path of one problem: steps along it by power series, and Newton corrections back to it.
 
 See ``central_path`` for the definition of the path.
 """
@@ -67,7 +67,7 @@ class Point:
         self._rounding = ROUNDING * max(1.0, largest)
 
     def is_within(self, share: float) -> bool:
-        """Return whether R_p is at most ``share`` times τ, up to rounding."""
+        """Whether R_p is at most ``share`` times τ, up to rounding."""
         return self.is_finite and self.distance <= share * self.tau + self._rounding
 
 
@@ -77,7 +77,7 @@ class FollowedPath:
     def __init__(self, scaled: ScaledProblem, system: NewtonSystem, order: int, progress: Progress) -> None:
         self._scaled, self._system, self._order = scaled, system, order
         self._progress, n, width = progress, scaled.n_cones, scaled.lanes.width
-        self._full = np.ones(n)
+        self._full_shares = np.ones(n)
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
         self._shifts, self._right = np.zeros((n, width)), np.zeros((n, width))
         self._linearised, self._reduced = (self._matrices, self._shifts), (self._coupled, self._right)
@@ -112,16 +112,18 @@ class FollowedPath:
             if self._progress.outcome is not None or self._point.is_within(CLOSE):
                 return
             v = np.zeros_like(v)
-        self._progress.end(Status.STALLED, f"no point of the path was found, best residual {self._reached}")
+        self._progress.end(Status.STALLED, f"no point of the path was found, best residual {self._best_residual_text}")
 
     def advance(self) -> None:
         """Follow one series, and correct its end."""
         point = self._point
         if point.tau > MAX_TAU:
-            self._progress.end(Status.DIVERGED, f"the path leads away from the solution, best residual {self._reached}")
+            self._progress.end(
+                Status.DIVERGED, f"the path leads away from the solution, best residual {self._best_residual_text}"
+            )
             return
         if point.tau < MIN_TAU:
-            self._progress.end(Status.STALLED, f"the path ends at tau = 0, best residual {self._reached}")
+            self._progress.end(Status.STALLED, f"the path ends at tau = 0, best residual {self._best_residual_text}")
             return
         if not self._factorise(point):
             return
@@ -129,20 +131,23 @@ class FollowedPath:
         series = self._series(point, self._tangent)
         reach = self._range(series)
         for _ in range(MAX_RETRIES):
-            following = self._end_of(series, point, reach)
-            if following is None:
+            end = self._end_of(series, point, reach)
+            if end is None:
                 break
-            self._record(following[0])
-            found = self._correct_across(following[0])
-            if found.is_within(LOOSE):
-                self._point = found
-            if self._point is found or self._progress.outcome is not None:
+            end_point, length = end
+            self._record(end_point)
+            corrected = self._correct_across(end_point)
+            if corrected.is_within(LOOSE):
+                self._point = corrected
+            if self._point is corrected or self._progress.outcome is not None:
                 return
-            reach = RETRY_SHARE * following[1]
-        self._progress.end(Status.STALLED, f"the path cannot be followed further, best residual {self._reached}")
+            reach = RETRY_SHARE * length
+        self._progress.end(
+            Status.STALLED, f"the path cannot be followed further, best residual {self._best_residual_text}"
+        )
 
     @property
-    def _reached(self) -> str:
+    def _best_residual_text(self) -> str:
         return f"{self._progress.best_residual:.1e}"
 
     def _record(self, point: Point) -> None:
@@ -150,37 +155,38 @@ class FollowedPath:
         self._progress.check_feasibility(point.r)
 
     def _factorise(self, point: Point) -> bool:
-        """Linearise at a point and factorise; return False if that fails."""
+        """Linearise at a point and factorise; return whether the factorisation succeeded."""
         scaled, kind = self._scaled, self._scaled.kind
         cones.write_pairs(kind, scaled.bounds(point.r), point.r, point.u, point.s, self._p, self._q)
         self._heads[:] = 0.0
         cones.linearise(kind, self._p, self._q, point.tau, self._heads, *self._linearised)
-        laws = (kind, scaled.friction, self._full)
+        laws = (kind, scaled.friction, self._full_shares)
         cones.couple(*laws, point.r, point.u, *self._linearised, point.tau, self._heads, *self._reduced)
-        self._at = point
+        self._factorised_point = point
         return self._progress.factorise(lambda: self._system.factorise(self._coupled))
 
-    def _towards_tau(self) -> FloatArray:
+    def _tau_right_side(self) -> FloatArray:
         """Return the right-hand side of complementarity for dτ = τ."""
         heads = np.zeros_like(self._heads)
-        heads[:, 0] = heads[:, -1] = self._at.tau
+        heads[:, 0] = heads[:, -1] = self._factorised_point.tau
         return heads
 
     def _solve(
         self, heads: FloatArray, lifts: FloatArray, primal: FloatArray | None = None, refinements: int = 1
     ) -> Direction:
         """Return the solution of the linear system at the factorised point, with zero change of τ."""
-        scaled, point = self._scaled, self._at
+        scaled, point = self._scaled, self._factorised_point
         write_right_side(scaled.kind, self._p, point.r, point.u, heads, lifts, self._shifts, self._right)
         total = self._right if primal is None else self._right + primal
         dr = np.where(scaled.uses, self._system.solve(np.where(scaled.uses, total, 0.0), refinements), 0.0)
         du, ds = np.empty_like(dr), np.empty(len(dr))
-        laws = (scaled.kind, scaled.friction, self._full)
+        laws = (scaled.kind, scaled.friction, self._full_shares)
         cones.write_changes(*laws, point.u, *self._linearised, *self._reduced, -lifts, dr, du, ds)
         return Direction(dr, du, ds, 0.0)
 
     def _product(self, x: Direction, y: Direction) -> float:
-        scaled, point = self._scaled, self._at
+        """Return ⟨x, y⟩ (``power_series``) in the metric of the factorised point."""
+        scaled, point = self._scaled, self._factorised_point
         inner = local_product(
             scaled.kind, scaled.friction, self._p, self._q, point.r, point.u, x.r, x.u, x.s, y.r, y.u, y.s
         )
@@ -188,12 +194,13 @@ class FollowedPath:
 
     def _oriented_tangent(self, point: Point) -> Direction:
         """Return the forward unit tangent: τ decreases if det (Ĝ + D) > 0, as at the start; otherwise it increases."""
-        along = self._solve(self._towards_tau(), np.zeros_like(point.s))
+        along = self._solve(self._tau_right_side(), np.zeros_like(point.s))
         tangent = Direction(along.r, along.u, along.s, 1.0)
         length = np.sqrt(max(self._product(tangent, tangent), 1e-300))
         return tangent.times(-self._system.determinant_sign() / length)
 
     def _series(self, point: Point, tangent: Direction) -> Series:
+        """Return the power series from ``point`` whose first-order term is the unit ``tangent``."""
         scaled = self._scaled
         series = Series(self._order, point.r, point.u, point.s)
         series.put(1, tangent)
@@ -219,9 +226,10 @@ class FollowedPath:
         for _ in range(MAX_SHORTENINGS):
             if not series.tau_at(reach) > MIN_TAU_RATIO:
                 reach = _last_above(series, MIN_TAU_RATIO, reach)
-            found = Point(self._scaled, self._system, series.manifold_vector(reach), series.tau_at(reach) * point.tau)
-            if found.is_within(LOOSE):
-                return found, reach
+            tau = series.tau_at(reach) * point.tau
+            end_point = Point(self._scaled, self._system, series.manifold_vector(reach), tau)
+            if end_point.is_within(LOOSE):
+                return end_point, reach
             reach *= SHORTENING
         return None
 
@@ -232,13 +240,13 @@ class FollowedPath:
                 break
             step = self._solve(self._heads * 0.0, self._lifts * 0.0, point.primal, 2)
             part, change = 1.0, step.r - step.u
-            following = Point(self._scaled, self._system, point.v + change, point.tau)
-            while not following.distance < point.distance and part > MIN_STEP:
+            candidate = Point(self._scaled, self._system, point.v + change, point.tau)
+            while not candidate.distance < point.distance and part > MIN_STEP:
                 part *= 0.5
-                following = Point(self._scaled, self._system, point.v + part * change, point.tau)
-            if not following.is_finite:
+                candidate = Point(self._scaled, self._system, point.v + part * change, point.tau)
+            if not candidate.is_finite:
                 break
-            point = following
+            point = candidate
             self._record(point)
         return point
 
@@ -249,18 +257,18 @@ class FollowedPath:
             if point.is_within(CLOSE) or self._progress.outcome is not None or not self._factorise(point):
                 break
             newton = self._solve(self._heads * 0.0, self._lifts * 0.0, point.primal, 2)
-            along = self._solve(self._towards_tau(), self._lifts * 0.0)
+            along = self._solve(self._tau_right_side(), self._lifts * 0.0)
             along = Direction(along.r, along.u, along.s, 1.0)
-            across = self._product(self._tangent, along)
-            share = -self._product(self._tangent, newton) / across if abs(across) > 0.0 else 0.0
+            slope = self._product(self._tangent, along)
+            share = -self._product(self._tangent, newton) / slope if abs(slope) > 0.0 else 0.0
             share = float(np.clip(share, -2.0, 2.0)) if np.isfinite(share) else 0.0
             change = newton.plus(share, along)
-            following = Point(
+            candidate = Point(
                 self._scaled, self._system, point.v + change.r - change.u, point.tau * float(np.exp(share))
             )
-            if not following.is_finite:
+            if not candidate.is_finite:
                 break
-            point = following
+            point = candidate
             self._record(point)
         return point
 

@@ -30,7 +30,7 @@ from .smoothing import on_manifold
 from .systems.delassus_system import REFINEMENTS
 
 START, START_TANGENT = 1.0, 0.1
-"""r_N = û_N and r_T = û_T of each contact at the start from zero, in scaled units."""
+"""r_N = û_N and û_T of each contact at the start from zero, in scaled units; r_T is û_T times the friction bound."""
 
 CENTRING = 0.499
 """σ₀, the largest σ."""
@@ -62,7 +62,7 @@ class InteriorPoint(InteriorMethod):
     form: Literal["delassus", "factors"] = "delassus"
 
     def run(self, prepared: PreparedRuns, progress: Progress) -> None:
-        """Do Newton steps until there is an outcome."""
+        """Do Newton steps until ``progress`` has an outcome."""
         iterate = _Iterate(prepared.scaled, prepared.system, progress.best, progress.best_residual)
         while progress.outcome is None:
             iterate.step(progress)
@@ -78,7 +78,7 @@ class _Iterate:
         self._kind, self._friction = self._scaled.kind, self._scaled.friction
         # the matrix of a step treats a bound as constant if another contact determines it
         self._share = np.where(self._scaled.is_remote, 0.0, 1.0)
-        self._part, self._refinements = 1.0, 0
+        self._step_length, self._refinements = 1.0, 0
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
         self._shifts, self._second = np.zeros((n, width)), np.zeros((n, width + 1))
         self._p, self._q, self._right = np.empty((n, width)), np.empty((n, width)), np.empty((n, width))
@@ -120,40 +120,42 @@ class _Iterate:
         self._primal = self._u - self._system.times(self._r) - scaled.free_velocity
         self._primal[:, 0] += np.where(scaled.is_cone, self._lag - self._s, 0.0)  # R_p + R_s e_N
         self._refinements = REFINEMENTS if progress.best_residual <= REFINED_RESIDUAL else 0
-        found = self._combined_step(tau, bool(np.linalg.norm(self._lag) > norm), progress)
-        if found is None:
+        dr = self._combined_step(tau, bool(np.linalg.norm(self._lag) > norm), progress)
+        if dr is None:
             return
-        longest = self._longest_step(found)
-        self._part = min(1.0, (BASE_FRACTION + FURTHER_FRACTION * self._part) * longest)
-        self._r, self._u = self._r + self._part * found, self._u + self._part * self._du
-        self._s = self._s + self._part * self._ds
+        longest = self._longest_step(dr)
+        self._step_length = min(1.0, (BASE_FRACTION + FURTHER_FRACTION * self._step_length) * longest)
+        self._r, self._u = self._r + self._step_length * dr, self._u + self._step_length * self._du
+        self._s = self._s + self._step_length * self._ds
         self._keep_inside()
-        progress.record(*scaled.judged(self._r), self._part)
+        progress.record(*scaled.judged(self._r), self._step_length)
         progress.check_feasibility(self._r)
 
-    def _combined_step(self, tau: float, lags: bool, progress: Progress) -> FloatArray | None:
-        """Return dr of the combined step and store dû and ds; None if the system is singular."""
+    def _combined_step(self, tau: float, has_large_lag: bool, progress: Progress) -> FloatArray | None:
+        """Return dr of the combined step and store dû and ds; return None if there is no step.
+
+        ``has_large_lag`` means that ‖R_s‖ > ‖r∘û‖, so that the step has one part.
+        """
         self._second[:] = 0.0
         sigma = CENTRING
-        self._complete(CENTRING * tau if lags else 0.0)
+        self._linearise(CENTRING * tau if has_large_lag else 0.0)
         if not progress.factorise(lambda: self._system.factorise(self._coupled)):
             return None
-        found = self._solve()
-        if not lags and np.isfinite(found).all():
-            part = min(1.0, self._longest_step(found))
-            reached = self._tau_at(found, part)
-            share = max(reached / tau, 0.0) if tau > 0.0 else 0.0
-            sigma = CENTRING * min(1.0, share ** max(1.0, 3.0 * part**2))
+        dr = self._solve()
+        if not has_large_lag and np.isfinite(dr).all():
+            part = min(1.0, self._longest_step(dr))
+            tau_ratio = max(self._tau_at(dr, part) / tau, 0.0) if tau > 0.0 else 0.0
+            sigma = CENTRING * min(1.0, tau_ratio ** max(1.0, 3.0 * part**2))
             if sigma < SECOND_ORDER:
-                cones.write_second_order(self._kind, self._friction, found, self._du, self._ds, self._second)
-            self._complete(sigma * tau)
-            found = self._solve()
-        if not (np.isfinite(found).all() and np.isfinite(self._du).all()):
+                cones.write_second_order(self._kind, self._friction, dr, self._du, self._ds, self._second)
+            self._linearise(sigma * tau)
+            dr = self._solve()
+        if not (np.isfinite(dr).all() and np.isfinite(self._du).all()):
             progress.end(Status.STALLED, f"the Newton system is singular at residual {progress.best_residual:.1e}")
             return None
-        return found
+        return dr
 
-    def _complete(self, target: float) -> None:
+    def _linearise(self, target: float) -> None:
         """Linearise complementarity towards ``target`` = στ, and couple the lanes of each contact."""
         cones.linearise(self._kind, self._p, self._q, target, self._second, *self._linearised)
         cones.couple(*self._laws, self._r, self._u, *self._linearised, target, self._second, *self._reduced)
@@ -162,11 +164,9 @@ class _Iterate:
         """Return dr of the linearised equations, and store dû and ds."""
         uses = self._scaled.uses
         right = np.where(uses, self._right + self._primal, 0.0)
-        found = np.where(uses, self._system.solve(right, self._refinements), 0.0)
-        cones.write_changes(
-            *self._laws, self._u, *self._linearised, *self._reduced, self._lag, found, self._du, self._ds
-        )
-        return found
+        dr = np.where(uses, self._system.solve(right, self._refinements), 0.0)
+        cones.write_changes(*self._laws, self._u, *self._linearised, *self._reduced, self._lag, dr, self._du, self._ds)
+        return dr
 
     def _longest_step(self, dr: FloatArray) -> float:
         return float(

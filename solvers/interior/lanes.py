@@ -54,7 +54,7 @@ class Lanes:
         return np.ascontiguousarray(cones[:, : self._layout.width, : self._layout.width])
 
     def equalise_normals(self, impulses: FloatArray) -> None:
-        """Set Λ_N of both cones of a block to the larger one, in place, shape (m, w)."""
+        """Set Λ_N of both cones of each block to the larger of the two in ``impulses``, shape (m, w)."""
 
 
 class RollingLanes(Lanes):
@@ -63,58 +63,58 @@ class RollingLanes(Lanes):
     def __init__(self, layout: BlockLayout) -> None:
         super().__init__(layout)
         n = layout.n_blocks
-        self._rolls = np.flatnonzero(layout.rolling_law >= 0)
+        self._rolling_blocks = np.flatnonzero(layout.rolling_law >= 0)
         self.width = max(3, 1 + layout.rolling)
-        self.block = np.concatenate([np.arange(n), self._rolls])
-        self._first, self._second = slice(0, n), slice(n, n + len(self._rolls))
+        self.block = np.concatenate([np.arange(n), self._rolling_blocks])
+        self._first, self._second = slice(0, n), slice(n, n + len(self._rolling_blocks))
         self._sliding, self._rolling = 1 + layout.sliding, layout.rolling
-        shares = layout.rolling_coefficient[self._rolls] > 0.0
-        self._shared = self._rolls[shares]
-        self._copies = n + np.flatnonzero(shares)
+        uses_normal = layout.rolling_coefficient[self._rolling_blocks] > 0.0
+        self._shared_blocks = self._rolling_blocks[uses_normal]
+        self._copies = n + np.flatnonzero(uses_normal)
         self._without_rolling = np.flatnonzero(layout.rolling_law < 0)
 
     def from_block(self, blocks: FloatArray) -> FloatArray:
         """See ``Lanes``."""
         lanes = self.split_from_block(blocks)
-        lanes[self._second, 0] = blocks[self._rolls, 0]
+        lanes[self._second, 0] = blocks[self._rolling_blocks, 0]
         return lanes
 
     def split_from_block(self, blocks: FloatArray) -> FloatArray:
         """See ``Lanes``."""
         lanes = np.zeros((len(self.block), self.width))
         lanes[self._first, : self._sliding] = blocks[:, : self._sliding]
-        lanes[self._second, 1 : 1 + self._rolling] = blocks[self._rolls, self._sliding :]
+        lanes[self._second, 1 : 1 + self._rolling] = blocks[self._rolling_blocks, self._sliding :]
         return lanes
 
     def to_block(self, cones: FloatArray) -> FloatArray:
         """See ``Lanes``."""
         blocks = np.zeros((self._layout.n_blocks, self._layout.width))
         blocks[:, : self._sliding] = cones[self._first, : self._sliding]
-        blocks[self._rolls, self._sliding :] = cones[self._second, 1 : 1 + self._rolling]
+        blocks[self._rolling_blocks, self._sliding :] = cones[self._second, 1 : 1 + self._rolling]
         return blocks
 
     def sum_to_block(self, cones: FloatArray) -> FloatArray:
         """See ``Lanes``."""
         blocks = self.to_block(cones)
-        blocks[self._shared, 0] += cones[self._copies, 0]
+        blocks[self._shared_blocks, 0] += cones[self._copies, 0]
         return blocks
 
     def matrices_to_block(self, cones: FloatArray) -> FloatArray:
         """See ``Lanes``."""
-        own, further = self._sliding, slice(1, 1 + self._rolling)
+        sliding, rolling = self._sliding, slice(1, 1 + self._rolling)
         blocks = np.zeros((self._layout.n_blocks, self._layout.width, self._layout.width))
-        blocks[:, :own, :own] = cones[self._first, :own, :own]
-        blocks[self._rolls, own:, own:] = cones[self._second, further, further]
-        blocks[self._shared, 0, 0] += cones[self._copies, 0, 0]
-        blocks[self._shared, 0, own:] = cones[self._copies, 0, further]
-        blocks[self._shared, own:, 0] = cones[self._copies, further, 0]
-        blocks[self._without_rolling, own:, own:] = np.eye(self._rolling)
+        blocks[:, :sliding, :sliding] = cones[self._first, :sliding, :sliding]
+        blocks[self._rolling_blocks, sliding:, sliding:] = cones[self._second, rolling, rolling]
+        blocks[self._shared_blocks, 0, 0] += cones[self._copies, 0, 0]
+        blocks[self._shared_blocks, 0, sliding:] = cones[self._copies, 0, rolling]
+        blocks[self._shared_blocks, sliding:, 0] = cones[self._copies, rolling, 0]
+        blocks[self._without_rolling, sliding:, sliding:] = np.eye(self._rolling)
         return blocks
 
     def equalise_normals(self, impulses: FloatArray) -> None:
         """See ``Lanes``."""
-        larger = np.maximum(impulses[self._shared, 0], impulses[self._copies, 0])
-        impulses[self._shared, 0] = impulses[self._copies, 0] = larger
+        larger = np.maximum(impulses[self._shared_blocks, 0], impulses[self._copies, 0])
+        impulses[self._shared_blocks, 0] = impulses[self._copies, 0] = larger
 
 
 def lanes_of(layout: BlockLayout) -> Lanes:

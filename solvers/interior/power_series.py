@@ -89,7 +89,7 @@ def write_lower_orders(kind, friction, r, u, s, order, heads, lifts):  # type: i
 
 @njit(cache=True, error_model="numpy")
 def write_right_side(kind, p, r, u, heads, lifts, shifts, right):  # type: ignore[no-untyped-def]
-    """Write ``shifts``, L(p)⁻¹ times ``heads``, and from it and ``lifts`` the right-hand side over lanes."""
+    """Write L(p)⁻¹ times ``heads`` to ``shifts``, and the right-hand side of the linear system to ``right``."""
     width = r.shape[1]
     for i in range(len(kind)):
         shifts[i] = 0.0
@@ -110,7 +110,7 @@ def write_right_side(kind, p, r, u, heads, lifts, shifts, right):  # type: ignor
 
 
 @njit(cache=True, error_model="numpy")
-def _in_metric(p, x0, x, y0, y):  # type: ignore[no-untyped-def]
+def _metric_product(p, x0, x, y0, y):  # type: ignore[no-untyped-def]
     """Return (x₀, x̄)ᵀ Q_p⁻¹ (y₀, ȳ)."""
     det = determinant(p)
     along_x, along_y = p[0] * x0 - dot_tangential(p, x), p[0] * y0 - dot_tangential(p, y)
@@ -129,8 +129,8 @@ def local_product(kind, friction, p, q, r, u, r_x, u_x, s_x, r_y, u_y, s_y):  # 
         p_x, q_x, p_y, q_y = r_x[i, 0], u_x[i, 0], r_y[i, 0], u_y[i, 0]
         if kind[i] >= DISC:
             p_x, q_x, p_y, q_y = friction[i] * p_x, s_x[i], friction[i] * p_y, s_y[i]
-        total += _in_metric(p[i], p_x, r_x[i], p_y, r_y[i])
-        total += _in_metric(q[i], q_x, u_x[i], q_y, u_y[i])
+        total += _metric_product(p[i], p_x, r_x[i], p_y, r_y[i])
+        total += _metric_product(q[i], q_x, u_x[i], q_y, u_y[i])
     return total
 
 

@@ -24,14 +24,15 @@ PATIENCE = 20
 """Number of steps without a better residual after which the rounding limit is tested."""
 
 MIN_STEPS, FRUITLESS_SHARE = 200, 0.75
-"""A run of at least this many steps ends if its last steps, this share of all, made no progress."""
+"""A run of at least this many steps ends if at least this share of them, the last ones, made no
+progress."""
 
 MIN_WARM_STEPS = 20
 """``MIN_STEPS`` for a run from a given start, which may be stuck at the boundary of a cone. A run from zero takes about
 this many steps in total."""
 
 LARGE = 1e6
-"""Scaled impulses above this value may grow without bound; a proof of infeasibility is then tried."""
+"""Scaled impulses above this value may grow without bound; a proof of infeasibility is then attempted."""
 
 PROOF_TOLERANCE = 1e-12
 """Tolerance for ‖Gd‖ and c·d in a proof of infeasibility, relative to the sum of the sizes of their terms."""
@@ -40,7 +41,8 @@ PROOF_TOLERANCE = 1e-12
 class Progress:
     """The best iterate of one solve, and its outcome.
 
-    Steps shorter than ``shortest`` are negligible. If it is 0, only steps that leave all bits of Λ unchanged are.
+    Steps shorter than ``shortest`` are negligible. If ``shortest`` is 0, a step is negligible only if it leaves Λ
+    bitwise unchanged. ``flops``, the operations of a factorisation, give the predicted time of the first step.
 
     Attributes:
         best: the best Λ so far [N s], shape (n_rows,).
@@ -63,11 +65,12 @@ class Progress:
         self._problem, self._residual = problem, residual
         self._stop, self._observe, self._clock = stop, observe, Clock(stop.max_seconds)
         self._shortest = shortest
-        self._marked, self._gained, self._run_began = np.inf, 0, 0
+        self._record_residual, self._last_gain, self._run_begin = np.inf, 0, 0
         self.best, self._latest, self._iteration = first, first, 0
-        self.best_residual = self._began_at = residual.judged(problem, first)
-        self._is_warm, self._of_warm_run = is_warm, (first, self.best_residual)
-        self._step_seconds, self._began, self._short, self._waited = flops / FLOPS_PER_SECOND, 0.0, 0, 0
+        self.best_residual = self._run_residual = residual.judged(problem, first)
+        self._is_warm, self._warm_result = is_warm, (first, self.best_residual)
+        self._step_seconds, self._step_start = flops / FLOPS_PER_SECOND, 0.0
+        self._n_short_steps, self._n_stale_steps = 0, 0
         self.outcome: Outcome | None = None
         self._check_limits()
 
@@ -76,31 +79,31 @@ class Progress:
         if SLACK * self._step_seconds > self._clock.remaining:
             self.end(Status.TIME_LIMIT, f"{self._summary()}; the next step would miss the deadline")
             return False
-        self._began = self._clock.elapsed
-        done = factorise()
-        if not done:
+        self._step_start = self._clock.elapsed
+        is_factorised = factorise()
+        if not is_factorised:
             self.end(Status.STALLED, f"the Newton system is singular at residual {self.best_residual:.1e}")
-        return done
+        return is_factorised
 
     def record(self, impulses: FloatArray, residual: float, part: float = 1.0) -> None:
         """Count a step of length ``part`` that led to Λ with this residual in the judge's arithmetic."""
         self._iteration += 1
         is_short = part < self._shortest if self._shortest > 0.0 else np.array_equal(impulses, self._latest)
         self._latest = impulses
-        self._step_seconds = self._clock.elapsed - self._began
+        self._step_seconds = self._clock.elapsed - self._step_start
         self._clock.show(self._observe, self._iteration, impulses)
-        self._waited += 1
+        self._n_stale_steps += 1
         if residual < self.best_residual:
-            self.best, self.best_residual, self._waited = impulses, residual, 0
-        self._short = self._short + 1 if is_short else 0
+            self.best, self.best_residual, self._n_stale_steps = impulses, residual, 0
+        self._n_short_steps = self._n_short_steps + 1 if is_short else 0
         self._check_limits()
-        if self._short >= MAX_SHORT_STEPS:
+        if self._n_short_steps >= MAX_SHORT_STEPS:
             self.end(Status.STALLED, f"all steps end at the boundary of a cone, best residual {self.best_residual:.1e}")
         if not np.isfinite(residual):
             self.end(Status.DIVERGED, f"the iterates are not finite, best residual {self.best_residual:.1e}")
-        if residual < RECORD_RATIO * self._marked:
-            self._marked, self._gained = residual, self._iteration
-        if self._waited >= PATIENCE and self.best_residual <= self._residual.rounding(self.best):
+        if residual < RECORD_RATIO * self._record_residual:
+            self._record_residual, self._last_gain = residual, self._iteration
+        if self._n_stale_steps >= PATIENCE and self.best_residual <= self._residual.rounding(self.best):
             self.end(Status.STALLED, f"rounding limits the residual to {self.best_residual:.1e}")
 
     def end(self, status: Status, reason: str) -> None:
@@ -118,21 +121,21 @@ class Progress:
         if self.outcome[0] is not Status.STALLED:
             return False
         if self._is_warm:
-            self._is_warm, self._of_warm_run = False, (self.best, self.best_residual)
-            self.best, self._marked = np.zeros_like(self.best), np.inf
+            self._is_warm, self._warm_result = False, (self.best, self.best_residual)
+            self.best, self._record_residual = np.zeros_like(self.best), np.inf
             self.best_residual = self._residual.judged(self._problem, self.best)
-        elif not self.best_residual < RECORD_RATIO * self._began_at:
+        elif not self.best_residual < RECORD_RATIO * self._run_residual:
             return False
-        self.outcome, self._began_at, self._short, self._waited = None, self.best_residual, 0, 0
-        self._gained = self._run_began = self._iteration
+        self.outcome, self._run_residual, self._n_short_steps, self._n_stale_steps = None, self.best_residual, 0, 0
+        self._last_gain = self._run_begin = self._iteration
         return True
 
     def check_gain(self) -> None:
-        """End a run whose last steps made no progress; else steps that change only the last bits would continue."""
-        steps, fruitful = self._iteration - self._run_began, self._gained - self._run_began
+        """End a run whose last steps made no progress, since steps that change only the last bits might never end."""
+        steps, fruitful = self._iteration - self._run_begin, self._last_gain - self._run_begin
         if steps >= (MIN_WARM_STEPS if self._is_warm else MIN_STEPS) and fruitful <= (1.0 - FRUITLESS_SHARE) * steps:
             self.end(
-                Status.STALLED, f"no improvement since step {self._gained}, best residual {self.best_residual:.1e}"
+                Status.STALLED, f"no improvement since step {self._last_gain}, best residual {self.best_residual:.1e}"
             )
 
     def check_feasibility(self, r: FloatArray) -> None:
@@ -148,7 +151,7 @@ class Progress:
         """Return the best Λ with the outcome of the solve."""
         assert self.outcome is not None
         status, reason = self.outcome
-        best, _ = min((self.best, self.best_residual), self._of_warm_run, key=itemgetter(1))
+        best, _ = min((self.best, self.best_residual), self._warm_result, key=itemgetter(1))
         return Solution(best, status, self._iteration, reason)
 
     def _check_limits(self) -> None:
@@ -177,9 +180,9 @@ def proves_infeasibility(problem: ContactProblem, impulses: FloatArray) -> bool:
     direction /= largest
     direction[np.abs(direction) < PROOF_TOLERANCE] = 0.0
     factors = problem.factors
-    moved = problem.delassus() @ direction if factors is None else factors.delassus_times(direction)
+    velocity_change = problem.delassus() @ direction if factors is None else factors.delassus_times(direction)
     weights = np.sqrt(np.maximum(problem.delassus_diagonal, 0.0))
-    held = float((weights * np.abs(direction)).sum())
+    weight_sum = float((weights * np.abs(direction)).sum())
     gain = float(problem.free_velocity @ direction)
-    is_free = bool((np.abs(moved) <= PROOF_TOLERANCE * weights * held).all())
+    is_free = bool((np.abs(velocity_change) <= PROOF_TOLERANCE * weights * weight_sum).all())
     return is_free and gain < -PROOF_TOLERANCE * float(np.abs(problem.free_velocity) @ np.abs(direction)) and gain < 0.0

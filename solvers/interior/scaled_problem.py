@@ -30,7 +30,7 @@ class ScaledProblem:
         kind: kind of each cone, shape (m,).
         uses: which lanes are unknowns, shape (m, w).
         is_cone: which cones have De Saxcé's term, shape (m,).
-        friction: μ of bounds that depend on the cone's own r_N, in scaled units, shape (m,), otherwise 0.
+        friction: μ of ``BOTH`` cones with bounds that depend on their own r_N, scaled, shape (m,); 0 for other cones.
         fixed_bound: a in scaled units, shape (m,).
         impulse_scale: S, shape (m, w), 0 on unused lanes.
         velocity_scale: V, shape (m, w), 0 on unused lanes.
@@ -105,9 +105,9 @@ class ScaledProblem:
         shape *= self.uses
         self.impulse_scale: FloatArray = self._bound_scale[block, None] * shape
         self.velocity_scale: FloatArray = (stretch / speed)[block, None] * shape
-        own = self.kind == cones.BOTH
-        own[self._remote] = False
-        self.friction: FloatArray = np.where(own, mu / arm, 0.0)
+        has_own_bound = self.kind == cones.BOTH
+        has_own_bound[self._remote] = False
+        self.friction: FloatArray = np.where(has_own_bound, mu / arm, 0.0)
         self.fixed_bound: FloatArray = fixed / (arm * self._bound_scale[block])
 
     def _bounds_of_cones(self, residual: Residual) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -130,7 +130,7 @@ def tangential_lengths(lanes: FloatArray) -> FloatArray:
 
 def _sliding_kinds(layout: BlockLayout) -> tuple[IntArray, IntArray]:
     """Return the kind of each block's first cone, and the blocks whose friction is bounded by another contact."""
-    own = layout.partner == np.arange(layout.n_blocks)
+    is_own_partner = layout.partner == np.arange(layout.n_blocks)
     mu, fixed = layout.friction_coefficient, layout.fixed_bound
     has_normal, has_friction = layout.normal_law >= 0, layout.friction_law >= 0
     has_bound = has_friction & ((mu > 0.0) | (fixed > 0.0))
@@ -138,9 +138,9 @@ def _sliding_kinds(layout: BlockLayout) -> tuple[IntArray, IntArray]:
     kind[has_normal & ~has_bound] = cones.NORMAL
     kind[has_normal & has_bound] = cones.BOTH
     kind[~has_normal & has_bound] = cones.DISC
-    kind[has_normal & own & (mu > 0.0) & (fixed == 0.0)] = cones.CONE
+    kind[has_normal & is_own_partner & (mu > 0.0) & (fixed == 0.0)] = cones.CONE
     kind[layout.is_bilateral] = cones.JOINT
-    return kind, np.flatnonzero(has_friction & ~own & (mu > 0.0))
+    return kind, np.flatnonzero(has_friction & ~is_own_partner & (mu > 0.0))
 
 
 def _rolling_kinds(layout: BlockLayout) -> IntArray:

@@ -34,22 +34,22 @@ def radius_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
     """Return r in [0, b) with r + τr/(b² − r²) = length, and b − r, without cancellation."""
     half = 0.5 * bound
     if half * (1.0 + tau / (half * 1.5 * bound)) < length:
-        rest = _rest_in_disc(length, bound, tau)
-        return bound - rest, rest
+        gap = _gap_in_disc(length, bound, tau)
+        return bound - gap, gap
     # the equation is convex and increasing in r, so Newton's method converges to its root from above
     radius = min(half, length / (1.0 + tau / (bound * bound)))
     for _ in range(MAX_STEPS):
-        within = (bound - radius) * (bound + radius)
-        value = radius * (1.0 + tau / within) - length
-        following = radius - value / (1.0 + tau / within + 2.0 * tau * (radius / within) ** 2)
-        if not abs(following - radius) > 1e-15 * radius:
+        margin = (bound - radius) * (bound + radius)
+        value = radius * (1.0 + tau / margin) - length
+        next_radius = radius - value / (1.0 + tau / margin + 2.0 * tau * (radius / margin) ** 2)
+        if not abs(next_radius - radius) > 1e-15 * radius:
             break
-        radius = following
+        radius = next_radius
     return radius, bound - radius
 
 
 @njit(cache=True, error_model="numpy")
-def _rest_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
+def _gap_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
     """Return y = b − r below ½b with (b − y)(1 + τ/(y(2b − y))) = ``length``; the left side decreases in y."""
     low, high = 0.0, 0.5 * bound
     excess = length - bound
@@ -62,12 +62,12 @@ def _rest_in_disc(length, bound, tau):  # type: ignore[no-untyped-def]
             low = y
         else:
             high = y
-        following = y + value / (1.0 + weight + (bound - y) * weight * (1.0 / y - 1.0 / wide))
-        if not low < following < high:
-            following = np.sqrt(low * high) if low > 0.0 else 0.1 * high
-        if not abs(following - y) > 1e-15 * y:
+        next_y = y + value / (1.0 + weight + (bound - y) * weight * (1.0 / y - 1.0 / wide))
+        if not low < next_y < high:
+            next_y = np.sqrt(low * high) if low > 0.0 else 0.1 * high
+        if not abs(next_y - y) > 1e-15 * y:
             break
-        y = following
+        y = next_y
     return y
 
 
@@ -95,8 +95,8 @@ def split(kind, fixed_bound, friction, tau, v, r, u, slack):  # type: ignore[no-
                 slack[i] = abs(along_u) * length
         if kind[i] >= DISC:
             bound = fixed_bound[i] + friction[i] * r[i, 0]
-            radius, rest = radius_in_disc(length, bound, tau)
-            weight = tau / (rest * (bound + radius))
+            radius, gap = radius_in_disc(length, bound, tau)
+            weight = tau / (gap * (bound + radius))
             slack[i] = weight * bound
             if length > 0.0:
                 for lane in range(1, v.shape[1]):

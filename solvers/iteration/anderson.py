@@ -55,8 +55,8 @@ class Anderson:
         change_differences = np.diff(np.array(self._changes), axis=0).T
         image_differences = np.diff(np.array(self._images), axis=0).T
         weights = np.linalg.lstsq(change_differences, self._changes[-1], rcond=MIN_SINGULAR_VALUE)[0]
-        following: FloatArray = image - image_differences @ weights
-        return following
+        next_point: FloatArray = image - image_differences @ weights
+        return next_point
 
     def restart(self) -> None:
         """Drop all pairs."""
@@ -73,7 +73,7 @@ class MovableIterates(Iterates, Protocol):
         ...
 
     def note_jump(self) -> None:
-        """Account for a Λ that has just been overwritten."""
+        """Update the state that depends on Λ, which has just been overwritten."""
         ...
 
 
@@ -86,7 +86,7 @@ class AndersonSweeps(WrappedIterates[MovableIterates]):
         self._differences = WindowDifferences(memory, len(weights))
         self._begin = self._padded.copy()  # Λ at the beginning of this window
         self._end = self._padded.copy()  # Λ at the end of the previous window
-        self._done, self._moved, self._is_extrapolated, self._window = 0, np.inf, False, FIRST_WINDOW
+        self._n_swept, self._distance, self._is_extrapolated, self._window = 0, np.inf, False, FIRST_WINDOW
 
     def reduce_acceleration(self) -> bool:
         """Double the windows; return False if they are too long for any extrapolation."""
@@ -100,26 +100,26 @@ class AndersonSweeps(WrappedIterates[MovableIterates]):
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps; extrapolate only before the first sweep of a window, so that Λ results from a sweep."""
         while count > 0:
-            if self._done >= self._window:
+            if self._n_swept >= self._window:
                 if self._window <= MAX_WINDOW:
                     self._extrapolate()
-                self._begin[:], self._done = self._padded, 0
-            step = min(count, self._window - self._done)
+                self._begin[:], self._n_swept = self._padded, 0
+            step = min(count, self._window - self._n_swept)
             self._iterates.sweep(step)
-            count, self._done = count - step, self._done + step
+            count, self._n_swept = count - step, self._n_swept + step
 
     def _extrapolate(self) -> None:
         """Start the next window from extrapolated impulses, or undo the last extrapolation."""
         move = self._weights * (self._padded - self._begin)
-        moved = float(np.linalg.norm(move))
-        if self._is_extrapolated and not moved <= MAX_GROWTH * self._moved:
+        distance = float(np.linalg.norm(move))
+        if self._is_extrapolated and not distance <= MAX_GROWTH * self._distance:
             self._padded[:] = self._end
             self._iterates.note_jump()
             self._differences.restart()
-            self._moved, self._is_extrapolated = np.inf, False
+            self._distance, self._is_extrapolated = np.inf, False
             return
-        step = self._differences.step(move, self._padded) if moved < np.inf else None
-        self._end[:], self._moved = self._padded, moved
+        step = self._differences.step(move, self._padded) if distance < np.inf else None
+        self._end[:], self._distance = self._padded, distance
         self._is_extrapolated = step is not None
         if step is not None:
             self._padded -= step
@@ -139,17 +139,17 @@ class WindowDifferences:
         before, self._last = self._last, (move, end.copy())
         if before is None or len(self._moves) == 0:
             return None
-        at = self._count % len(self._moves)
-        self._moves[at], self._ends[at] = move - before[0], end - before[1]
+        slot = self._count % len(self._moves)
+        self._moves[slot], self._ends[slot] = move - before[0], end - before[1]
         self._count += 1
-        kept = min(self._count, len(self._moves))
-        moves = self._moves[:kept]
+        n_kept = min(self._count, len(self._moves))
+        moves = self._moves[:n_kept]
         values, vectors = np.linalg.eigh(moves @ moves.T)
         is_large = values > MIN_EIGENVALUE * values[-1]
         if not is_large.any():
             return None
         weights = vectors[:, is_large] @ ((vectors[:, is_large].T @ (moves @ move)) / values[is_large])
-        step: FloatArray = weights @ self._ends[:kept]
+        step: FloatArray = weights @ self._ends[:n_kept]
         return step if np.isfinite(step).all() else None
 
     def restart(self) -> None:

@@ -26,9 +26,9 @@ def thread_requirement(cores: int) -> str:
 def one_library_thread() -> Iterator[None]:
     """Limit BLAS to one thread in the whole process, until the last of several simultaneous uses ends.
 
-    With several threads, the rounding of sums depends on their number, and hard problems amplify it until other methods
-    succeed. OpenBLAS also keeps all cores busy for a tenth of a second after each call. The libraries are those of
-    NumPy and SciPy, and any other BLAS that is loaded before the first use.
+    With several threads, the rounding of sums depends on the number of threads. On hard problems, the difference can
+    grow until another method solves the problem. OpenBLAS also keeps all cores busy for a tenth of a second after each
+    call. The libraries are those of NumPy and SciPy, and any other BLAS that is loaded before the first use.
     """
     _limit.enter()
     try:
@@ -53,7 +53,7 @@ class _SharedLimit:
             self._n_users += 1
 
     def leave(self) -> None:
-        """Restore the numbers of threads after the last user, which may run in another thread than the first one."""
+        """Restore the numbers of threads after the last user, which may run in a different thread from the first."""
         with self._lock:
             self._n_users -= 1
             if self._n_users == 0:
@@ -65,7 +65,7 @@ _limit = _SharedLimit()
 
 
 def _release_control() -> None:
-    """Let any thread change the number of threads; threadpoolctl 3.8 allows only the one that did so first."""
+    """Let any thread change the number of threads; threadpoolctl 3.8 allows only the thread that did so first."""
     release: Any = getattr(OpenBLASController, "clear_controlling_thread", None)
     if release is not None:
         release(force=True)

@@ -140,8 +140,8 @@ class IterationDriver:
 
     def run_to_next_check(self, min_sweeps: int = 1) -> int:
         """Sweep until the next residual check, at least ``min_sweeps`` times within the limit; return the number."""
-        left = self.monitor.stop.max_iterations - self.iteration
-        count = min(left, max(min_sweeps, sweeps_to_next_check(self.iteration)))
+        remaining = self.monitor.stop.max_iterations - self.iteration
+        count = min(remaining, max(min_sweeps, sweeps_to_next_check(self.iteration)))
         self.run(count)
         return count
 
@@ -173,12 +173,12 @@ def check_convergence(problem: ContactProblem, residual: Residual, driver: Itera
     follow instead, and their Λ is compared with the current one.
     """
     monitor, iterates = driver.monitor, driver.iterates
-    impulses, found = impulses_and_residual(iterates, residual)
-    if found <= monitor.stop.tolerance:
-        found = confirm_residual(problem, residual, impulses, found, monitor.stop.tolerance)
-    outcome, cycle = monitor.check_convergence(driver.iteration, found, impulses), None
+    impulses, measured = impulses_and_residual(iterates, residual)
+    if measured <= monitor.stop.tolerance:
+        measured = confirm_residual(problem, residual, impulses, measured, monitor.stop.tolerance)
+    outcome, cycle = monitor.check_convergence(driver.iteration, measured, impulses), None
     if outcome is None and isinstance(iterates, MeasuringIterates):
-        iterates.note_residual(found)
+        iterates.note_residual(measured)
     if outcome is None and monitor.suspects_cycle:
         if isinstance(iterates, AcceleratedIterates) and iterates.reduce_acceleration():
             monitor.restart_progress()
@@ -186,7 +186,7 @@ def check_convergence(problem: ContactProblem, residual: Residual, driver: Itera
             cycle = driver.check_cycle(impulses)
     if outcome is None and (cycle is not None or monitor.lacks_progress) and monitor.may_test_rounding:
         outcome = check_rounding_limit(problem, residual, driver)
-    return Check(impulses, found, outcome or cycle)
+    return Check(impulses, measured, outcome or cycle)
 
 
 def infeasible_solution(problem: ContactProblem) -> Solution:
@@ -211,16 +211,16 @@ def initial_impulses(problem: ContactProblem, residual: Residual, start: FloatAr
 
 
 def confirm_residual(
-    problem: ContactProblem, residual: Residual, impulses: FloatArray, found: float, tolerance: float
+    problem: ContactProblem, residual: Residual, impulses: FloatArray, measured: float, tolerance: float
 ) -> float:
-    """Return ``found``, a residual within the tolerance, or the judge's residual if rounding may matter.
+    """Return ``measured``, a residual within the tolerance, or the judge's residual if rounding may matter.
 
     ξ is a sum of terms of size G_ii Λ_i. If heavy bodies rest on light ones, these exceed c by the mass ratio. An
     iteration adds them in another order than the judge.
     """
     if residual.rounding(impulses) <= tolerance:
-        return found
-    return max(found, residual.judged(problem, impulses))
+        return measured
+    return max(measured, residual.judged(problem, impulses))
 
 
 def check_rounding_limit(problem: ContactProblem, residual: Residual, driver: IterationDriver) -> Outcome | None:
@@ -235,19 +235,19 @@ def check_rounding_limit(problem: ContactProblem, residual: Residual, driver: It
     if monitor.best_impulses is None or not _is_rounding(residual, monitor.best_impulses, monitor):
         return None
     monitor.begin_rounding_test(driver.iteration, residual.judged(problem, monitor.best_impulses))
-    first, driver.iterates, waited = driver.iterates, driver.begin(monitor.best_impulses), 0
-    while waited < ROUNDING_TEST_SWEEPS and monitor.best_residual > tolerance:
+    old_iterates, driver.iterates, n_unimproved = driver.iterates, driver.begin(monitor.best_impulses), 0
+    while n_unimproved < ROUNDING_TEST_SWEEPS and monitor.best_residual > tolerance:
         if monitor.clock.reached_limit(monitor.stop, driver.iteration):
             return None
         driver.run(1)
         impulses, before = driver.iterates.impulses(), monitor.best_residual
         monitor.check_convergence(driver.iteration, residual.judged(problem, impulses), impulses)
-        waited = 0 if monitor.best_residual < BETTER_RATIO * before else waited + 1
+        n_unimproved = 0 if monitor.best_residual < BETTER_RATIO * before else n_unimproved + 1
     if monitor.best_residual <= tolerance:
         return Outcome(Status.SOLVED, "")
     if _is_rounding(residual, monitor.best_impulses, monitor):
         return Outcome(Status.STALLED, f"rounding limits the residual to {monitor.best_residual:.1e}")
-    driver.iterates = first
+    driver.iterates = old_iterates
     return None
 
 
@@ -259,7 +259,7 @@ def _is_rounding(residual: Residual, best: FloatArray, monitor: Monitor) -> bool
 def iterate(
     problem: ContactProblem, sweeps: Callable[[FloatArray], Iterator[FloatArray]], model: Model = Model.COULOMB
 ) -> PreparedIteration:
-    """Prepare an iteration for ``problem`` from a generator, which is all that a simple method provides.
+    """Prepare an iteration for ``problem`` from a generator of impulses.
 
     The result handles tolerance, limits, observers, infeasible problems, cycles, divergence and stalls.
 

@@ -10,7 +10,7 @@ The characteristic roots are real if 4δm² < 1:
 
 Let s be the measured rate, the decrease of the logarithm of the residual per sweep. The first case holds if s = δm is
 below 1/(4m), that is, if the residual falls by less than the factor e in 4m sweeps. Then m is doubled. The slow modes
-of a linear problem then fall twice as fast. If the next 4m sweeps gain less than half as much per sweep as those
+of a linear problem then fall twice as fast. If the next 4m sweeps gain less than half as much per sweep as the sweeps
 before, the sweeps were slow because contacts change between open, stick and slip. A long memory delays such changes.
 Then m returns to its first value, and the next trial waits twice as long as the last one.
 
@@ -42,7 +42,7 @@ class MeasuredMomentum:
 
     def __init__(self) -> None:
         self._memory, self._pause = FIRST_MEMORY, 1.0
-        self._best, self._begin = np.inf, (0, np.inf)  # sweeps and best residual at the beginning of the window
+        self._best, self._window_begin = np.inf, (0, np.inf)  # sweeps and best residual at the beginning of the window
         self._rate_before: float | None = None  # rate before the last growth of the memory, during its trial
 
     @property
@@ -53,9 +53,9 @@ class MeasuredMomentum:
     def record_residual(self, sweeps: int, residual: float) -> None:
         """Record the residual after a number of sweeps, and change the memory if a window ends there."""
         self._best = min(self._best, residual)
-        begin, best = self._begin
+        begin, best = self._window_begin
         if best == np.inf:
-            self._begin = sweeps, self._best
+            self._window_begin = sweeps, self._best
             return
         is_first = self._memory == FIRST_MEMORY
         window = MEMORIES_PER_WINDOW * self._memory * (self._pause if is_first else 1.0)
@@ -67,4 +67,4 @@ class MeasuredMomentum:
             self._memory, self._pause = FIRST_MEMORY, GROWTH * self._pause
         elif rate * MEMORIES_PER_WINDOW * self._memory < 1.0 and self._memory < MAX_MEMORY:
             self._rate_before, self._memory = rate, min(GROWTH * self._memory, MAX_MEMORY)
-        self._begin = sweeps, self._best
+        self._window_begin = sweeps, self._best

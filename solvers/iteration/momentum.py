@@ -82,11 +82,11 @@ def momentum_after(sweeps, momentum, delay):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def extrapolate(velocity, before, present, begin, end):  # type: ignore[no-untyped-def]
-    """Move v from ``begin`` to ``end`` by β = ``present`` times its last change, and keep the old v in ``before``."""
+def extrapolate(velocity, before, beta, begin, end):  # type: ignore[no-untyped-def]
+    """Move v from ``begin`` to ``end`` by β = ``beta`` times its last change, and keep the old v in ``before``."""
     for k in range(uint64(begin), uint64(end)):
         v = velocity[k]
-        velocity[k] = v + present * (v - before[k])
+        velocity[k] = v + beta * (v - before[k])
         before[k] = v
 
 
@@ -99,7 +99,7 @@ class MomentumState(MeasuringIterates):
     """
 
     def __init__(self, momentum: float, delay: float = 0.0) -> None:
-        self._momentum, self._present = momentum, 0.0  # bound of β, and β of the next sweep
+        self._momentum, self._beta = momentum, 0.0  # bound of β, and β of the next sweep
         self._delay, self._sweeps = delay, 0
         self._measured: MeasuredMomentum | None = None
 
@@ -124,7 +124,7 @@ class MomentumState(MeasuringIterates):
         if self._momentum == 0.0:
             return False
         self._momentum = 0.5 * self._momentum if self._momentum > MIN_MOMENTUM else 0.0
-        self._present = min(self._present, self._momentum)
+        self._beta = min(self._beta, self._momentum)
         return True
 
 
@@ -140,15 +140,17 @@ class MomentumIterates(MomentumState, WrappedIterates[LinearIterates]):
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         for _ in range(count):
-            _extrapolate(self._array, self._before, self._change, self._present)
+            _extrapolate(self._array, self._before, self._change, self._beta)
             self._iterates.sweep(1)
-            turns, moved = _turn(self._array, self._before, self._change, self._present, self._n_impulses)
+            turns_back, squared_step = _update_change(
+                self._array, self._before, self._change, self._beta, self._n_impulses
+            )
             self._sweeps += 1
-            self._present = self._next_momentum(turns, moved)
+            self._beta = self._next_momentum(turns_back, squared_step)
 
-    def _next_momentum(self, turns: bool, moved: float) -> float:
-        """Return β of the next sweep; the last one changed Λ by √``moved`` and may have turned back."""
-        return 0.0 if turns else momentum_after(self._sweeps, self._momentum, self._delay)
+    def _next_momentum(self, turns_back: bool, squared_step: float) -> float:
+        """Return β of the next sweep; ``squared_step`` is ‖ΔΛ‖² of the last sweep, which may have turned back."""
+        return 0.0 if turns_back else momentum_after(self._sweeps, self._momentum, self._delay)
 
 
 class RestartedMomentum(MomentumIterates):
@@ -156,13 +158,13 @@ class RestartedMomentum(MomentumIterates):
 
     def __init__(self, iterates: LinearIterates) -> None:
         super().__init__(iterates, NESTEROV_BOUND)
-        self._age, self._shortest = 1.0, np.inf
+        self._term, self._min_squared_step = 1.0, np.inf
 
-    def _next_momentum(self, turns: bool, moved: float) -> float:
-        restarts = turns or moved > GROWTH**2 * self._shortest
-        self._shortest = moved if restarts else min(self._shortest, moved)
-        before, self._age = self._age, 1.0 if restarts else 0.5 + np.sqrt(0.25 + self._age**2)
-        return 0.0 if restarts else min((before - 1.0) / self._age, self._momentum)
+    def _next_momentum(self, turns_back: bool, squared_step: float) -> float:
+        restarts = turns_back or squared_step > GROWTH**2 * self._min_squared_step
+        self._min_squared_step = squared_step if restarts else min(self._min_squared_step, squared_step)
+        term, self._term = self._term, 1.0 if restarts else 0.5 + np.sqrt(0.25 + self._term**2)
+        return 0.0 if restarts else min((term - 1.0) / self._term, self._momentum)
 
 
 def with_momentum(iterates: LinearIterates, momentum: float, delay: float) -> Iterates:
@@ -195,14 +197,14 @@ def _extrapolate(array, before, change, momentum):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, fastmath={"contract", "reassoc"})
-def _turn(array, before, change, momentum, n_impulses):  # type: ignore[no-untyped-def]
+def _update_change(array, before, change, momentum, n_impulses):  # type: ignore[no-untyped-def]
     """Update ``change``; return whether (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0 for the start y of the sweep, and ‖ΔΛ‖²."""
-    total, moved = 0.0, 0.0
+    total, squared_step = 0.0, 0.0
     for k in range(n_impulses):
         step = array[k] - before[k]
         total += (momentum * change[k] - step) * step
-        moved += step * step
+        squared_step += step * step
         change[k] = step
     for k in range(n_impulses, len(array)):
         change[k] = array[k] - before[k]
-    return total > 0.0, moved
+    return total > 0.0, squared_step

@@ -61,13 +61,13 @@ class Clock:
     """
 
     def __init__(self, seconds: float) -> None:
-        self._limit, self._compiled = seconds, COMPILATION.seconds
-        self._began = time.perf_counter()
+        self._limit, self._compilation_before = seconds, COMPILATION.seconds
+        self._start = time.perf_counter()
 
     @property
     def elapsed(self) -> float:
         """Time used so far [s]."""
-        return time.perf_counter() - self._began - (COMPILATION.seconds - self._compiled)
+        return time.perf_counter() - self._start - (COMPILATION.seconds - self._compilation_before)
 
     @property
     def remaining(self) -> float:
@@ -83,11 +83,11 @@ class Clock:
         """Pass Λ, shape (n_rows,), to the observer, if any; the caller must not write to it afterwards."""
         if observe is None:
             return
-        began = time.perf_counter()
-        shown = impulses.view()
-        shown.setflags(write=False)
-        observe(iteration, shown)
-        self._began += time.perf_counter() - began
+        start = time.perf_counter()
+        view = impulses.view()
+        view.setflags(write=False)
+        observe(iteration, view)
+        self._start += time.perf_counter() - start
 
     def reached_limit(self, stop: Stop, iterations: int) -> Status | None:
         """Return the limit that a solve has reached after ``iterations``, or None."""
@@ -108,7 +108,7 @@ class Monitor:
     Attributes:
         stop: the limits.
         best_residual: the lowest finite residual so far.
-        best_impulses: its iterate, None before the first check; it must not be modified.
+        best_impulses: its iterate, shape (n_rows,), not to be modified; None before the first finite residual.
         clock: the clock of the solve.
     """
 
@@ -119,7 +119,7 @@ class Monitor:
     _first: float = np.inf
     _iteration: int = 0
     _checks_without_progress: int = 0
-    _repeats: tuple[Status, FloatArray] | None = None
+    _last_repeat: tuple[Status, FloatArray] | None = None
     _history: list[tuple[int, float]] = field(default_factory=list)
     _next_rounding_test: int = 0
 
@@ -174,14 +174,14 @@ class Monitor:
     def check_cycle(self, newest: FloatArray, previous: FloatArray, before: FloatArray) -> Outcome | None:
         """Compare the successive iterates Λ^ν, Λ^(ν−1), Λ^(ν−2); return the outcome if they repeat."""
         self.restart_progress()
-        earlier, self._repeats = self._repeats, None
+        earlier, self._last_repeat = self._last_repeat, None
         rounding = ROUNDING * np.abs([newest, previous, before]).max(axis=0)
         if np.array_equal(newest, previous) and np.array_equal(newest, before):
-            self._repeats = Status.STALLED, newest
+            self._last_repeat = Status.STALLED, newest
             if earlier is not None and np.array_equal(newest, earlier[1]):
                 return Outcome(Status.STALLED, f"the impulses no longer change at residual {self.best_residual:.1e}")
         elif (np.abs(newest - before) <= rounding).all() and (np.abs(newest - previous) > rounding).any():
-            self._repeats = Status.OSCILLATING, newest
+            self._last_repeat = Status.OSCILLATING, newest
             if earlier is not None and earlier[0] is Status.OSCILLATING:
                 reason = f"the iterates repeat in a cycle of two, best residual {self.best_residual:.1e}"
                 return Outcome(Status.OSCILLATING, reason)
@@ -194,8 +194,8 @@ class Monitor:
 
     def _best_at(self, iteration: int) -> float:
         """Return the best residual after ``iteration`` sweeps, to within one percent."""
-        later = bisect.bisect_right(self._history, iteration, key=itemgetter(0))
-        return self._history[max(later - 1, 0)][1]
+        n_earlier = bisect.bisect_right(self._history, iteration, key=itemgetter(0))
+        return self._history[max(n_earlier - 1, 0)][1]
 
 
 def _divergence_text(iteration: int, residual: float, impulses: FloatArray) -> str:

@@ -76,56 +76,56 @@ class PreparedEnumeration:
             return infeasible_solution(self.problem)
         if n_rows == 0:
             return Solution(np.zeros(0), Status.SOLVED, 0)
-        best, best_residual, tried, singular = np.zeros(n_rows), np.inf, 0, 0
+        best, best_residual, n_tried, n_singular = np.zeros(n_rows), np.inf, 0, 0
         clock = Clock(stop.max_seconds)
-        for impulses, regular in self._candidates():
-            if tried >= stop.max_iterations:
-                reason = f"residual {best_residual:.1e} after {tried} combinations"
-                return Solution(best, Status.ITERATION_LIMIT, tried, reason)
-            tried += 1
-            singular += not regular
+        for impulses, is_regular in self._candidates():
+            if n_tried >= stop.max_iterations:
+                reason = f"residual {best_residual:.1e} after {n_tried} combinations"
+                return Solution(best, Status.ITERATION_LIMIT, n_tried, reason)
+            n_tried += 1
+            n_singular += not is_regular
             residual = self.residual.judged(self.problem, impulses)
             if residual < best_residual:
                 best, best_residual = impulses, residual
             if best_residual <= stop.tolerance:
-                return Solution(best, Status.SOLVED, tried)
+                return Solution(best, Status.SOLVED, n_tried)
             if clock.has_expired:
-                reason = f"residual {best_residual:.1e} after {tried} combinations"
-                return Solution(best, Status.TIME_LIMIT, tried, reason)
-        if singular:
+                reason = f"residual {best_residual:.1e} after {n_tried} combinations"
+                return Solution(best, Status.TIME_LIMIT, n_tried, reason)
+        if n_singular:
             reason = (
-                f"none of {tried} combinations is a solution; of the {singular} singular ones only the solution of "
+                f"none of {n_tried} combinations is a solution; of the {n_singular} singular ones only the solution of "
                 "least norm was tried"
             )
-            return Solution(best, Status.STALLED, tried, reason)
+            return Solution(best, Status.STALLED, n_tried, reason)
         if best_residual <= max(NO_SOLUTION, stop.tolerance):
-            reason = f"rounding limits the best of {tried} combinations to residual {best_residual:.1e}"
-            return Solution(best, Status.STALLED, tried, reason)
+            reason = f"rounding limits the best of {n_tried} combinations to residual {best_residual:.1e}"
+            return Solution(best, Status.STALLED, n_tried, reason)
         return Solution(
-            best, Status.INFEASIBLE, tried, f"none of {tried} combinations is a solution, and none is singular"
+            best, Status.INFEASIBLE, n_tried, f"none of {n_tried} combinations is a solution, and none is singular"
         )
 
     def all_solutions(self, tolerance: float) -> list[FloatArray]:
         """Return all different Λ whose residual in the judge's arithmetic is at most ``tolerance``."""
-        found: list[FloatArray] = []
+        solutions: list[FloatArray] = []
         for impulses, _ in self._candidates():
             if self.residual.judged(self.problem, impulses) > tolerance:
                 continue
             scale = max(float(np.abs(impulses).max(initial=0.0)), np.finfo(float).tiny)
-            if not any(np.abs(impulses - known).max(initial=0.0) <= SAME_SOLUTION * scale for known in found):
-                found.append(impulses)
-        return found
+            if not any(np.abs(impulses - known).max(initial=0.0) <= SAME_SOLUTION * scale for known in solutions):
+                solutions.append(impulses)
+        return solutions
 
     def _candidates(self) -> Iterator[tuple[FloatArray, bool]]:
         """Yield the impulses of each combination of states, and whether its system is regular."""
         laws = self.problem.laws
         choices = [("stick", "+", "-") if is_friction else ("open", "closed") for is_friction in laws.is_friction]
         for states in itertools.product(*choices):
-            slips_for_nothing = any(
+            is_duplicate = any(
                 state == "-" and laws.fixed_bound[law] == 0.0 and states[laws.partner[law]] == "open"
                 for law, state in enumerate(states)
             )
-            if not slips_for_nothing:  # with a bound of zero, "-" is the same state as "+"
+            if not is_duplicate:  # with a bound of zero, "-" is the same state as "+"
                 yield self._solve(states)
 
     def _solve(self, states: tuple[str, ...]) -> tuple[FloatArray, bool]:

@@ -49,8 +49,8 @@ class Complementarity:
 
     def impulses(self, unknowns: FloatArray) -> FloatArray:
         """Return Λ [N s], shape (n_rows,), from z, shape (n,)."""
-        found: FloatArray = self.to_impulses @ unknowns + self.offset
-        return found
+        impulses: FloatArray = self.to_impulses @ unknowns + self.offset
+        return impulses
 
 
 def check_sides(sides: int) -> None:
@@ -105,8 +105,10 @@ class _Conditions:
 
     def __init__(self, laws: Laws, friction: FloatArray, bound: FloatArray, sides: int) -> None:
         self._laws, self._friction, self._bound, self._sides = laws, friction, bound, sides
-        self._first = np.append(0, np.cumsum(unknowns_of_laws(laws, sides)))  # first unknown of each law, total number
-        self.offset, self.constant = np.zeros(laws.n_rows), np.zeros(self._first[-1])
+        self._first_unknown = np.append(
+            0, np.cumsum(unknowns_of_laws(laws, sides))
+        )  # first unknown of each law, total number
+        self.offset, self.constant = np.zeros(laws.n_rows), np.zeros(self._first_unknown[-1])
         self.impulse: list[_Entries] = []
         self.velocity: list[_Entries] = []
         self.direct: list[_Entries] = []
@@ -117,12 +119,16 @@ class _Conditions:
         self.velocity.append((unknown, row, 1.0))
 
     def add_planar(self) -> None:
-        law, row, upper = self._unknowns(self._laws.is_friction & (self._laws.row_count == 1))
-        back = upper + 1
-        self.impulse += [(row, upper, 1.0), self._bounds(law, row, -1.0)]
-        self.velocity.append((upper, row, 1.0))
-        self.direct += [(upper, back, 1.0), (back, upper, -1.0), self._bounds(law, back, 2.0)]
-        self.offset[row], self.constant[back] = -self._bound[law], 2.0 * self._bound[law]
+        law, row, distance = self._unknowns(self._laws.is_friction & (self._laws.row_count == 1))
+        reverse_speed = distance + 1
+        self.impulse += [(row, distance, 1.0), self._bounds(law, row, -1.0)]
+        self.velocity.append((distance, row, 1.0))
+        self.direct += [
+            (distance, reverse_speed, 1.0),
+            (reverse_speed, distance, -1.0),
+            self._bounds(law, reverse_speed, 2.0),
+        ]
+        self.offset[row], self.constant[reverse_speed] = -self._bound[law], 2.0 * self._bound[law]
 
     def add_spatial(self) -> None:
         law, row, first = self._unknowns(self._laws.is_friction & (self._laws.row_count == 2))
@@ -137,13 +143,13 @@ class _Conditions:
     def _unknowns(self, is_selected: NDArray[np.bool_]) -> tuple[IntArray, IntArray, IntArray]:
         """Return the selected laws, their first rows and their first unknowns."""
         law = np.flatnonzero(is_selected)
-        return law, self._laws.first_row[law], self._first[law]
+        return law, self._laws.first_row[law], self._first_unknown[law]
 
     def _bounds(self, law: IntArray, row: IntArray, factor: float) -> _Entries:
         """Return the entries ``factor`` times μ in the columns of the normal impulses, for each law with μ > 0."""
         has_friction = self._friction[law] > 0.0
         law, row = law[has_friction], row[has_friction]
-        return row, self._first[self._laws.partner[law]], factor * self._friction[law]
+        return row, self._first_unknown[self._laws.partner[law]], factor * self._friction[law]
 
 
 def _sparse(entries: list[_Entries], shape: tuple[int, int]) -> sp.csr_array:

@@ -31,7 +31,7 @@ FALL_ROUNDING = 1e-6
 entries would be a million times as large as M and q suggest."""
 
 TIE = 1e-13
-"""Ratios are tied if they exceed the least one by no more than this, relative to the larger of it and 1."""
+"""Ratios are tied if they exceed the smallest ratio by at most this, relative to the larger of that ratio and 1."""
 
 
 class Ending(IntEnum):
@@ -51,7 +51,7 @@ class Tableau:
     Attributes:
         matrix: M, dense, shape (n, n).
         vector: q, shape (n,).
-        smallest: one of ``SMALLEST_PIVOTS``.
+        smallest: size of the smallest pivot relative to its column, one of ``SMALLEST_PIVOTS``.
         ending: state of the pivoting.
         pivots: number of pivots.
     """
@@ -78,9 +78,9 @@ class Tableau:
         if self.ending is not Ending.UNFINISHED:
             return
         state = (self._rows, self._values, self._basic, self._nonbasic)
-        ending, done, entering = _pivot(count, *state, self._entering, self.smallest)
+        ending, n_pivots, entering = _pivot(count, *state, self._entering, self.smallest)
         self.ending, self._entering = Ending(ending), entering
-        self.pivots += done
+        self.pivots += n_pivots
 
     def solution(self) -> FloatArray:
         """Return z of the current basis, recomputed from M and q to remove the rounding errors of the pivots."""
@@ -91,13 +91,13 @@ class Tableau:
             return unknowns
         block, right = self.matrix[np.ix_(closed, closed)], -self.vector[closed]
         try:
-            found = np.linalg.solve(block, right)
-            found += np.linalg.solve(block, right - block @ found)
+            basic_unknowns = np.linalg.solve(block, right)
+            basic_unknowns += np.linalg.solve(block, right - block @ basic_unknowns)
         except np.linalg.LinAlgError:
-            found = np.linalg.lstsq(block, right, rcond=None)[0]
-        if not np.isfinite(found).all():
-            found = np.linalg.lstsq(block, right, rcond=None)[0]
-        unknowns[closed] = np.maximum(found, 0.0)
+            basic_unknowns = np.linalg.lstsq(block, right, rcond=None)[0]
+        if not np.isfinite(basic_unknowns).all():
+            basic_unknowns = np.linalg.lstsq(block, right, rcond=None)[0]
+        unknowns[closed] = np.maximum(basic_unknowns, 0.0)
         return unknowns
 
     def proves_infeasibility(self) -> bool:
@@ -116,42 +116,42 @@ class Tableau:
         if not 0.0 < largest < np.inf:
             return False
         direction /= largest
-        grows = float((direction @ self.matrix).max(initial=0.0))
-        falls, size = float(self.vector @ direction), float(np.abs(self.vector).max())
-        return grows <= RAY_ROUNDING * float(np.abs(self.matrix).max()) and falls < -FALL_ROUNDING * size
+        growth = float((direction @ self.matrix).max(initial=0.0))
+        fall, size = float(self.vector @ direction), float(np.abs(self.vector).max())
+        return growth <= RAY_ROUNDING * float(np.abs(self.matrix).max()) and fall < -FALL_ROUNDING * size
 
 
 @njit(cache=True)
 def _pivot(count, rows, values, basic, nonbasic, entering, smallest):  # type: ignore[no-untyped-def]
-    """Do at most ``count`` pivots in place; return the state, their number, and the next entering variable."""
+    """Do at most ``count`` pivots in place; return the state, the number of pivots, and the next entering variable."""
     n = len(values)
-    place = np.empty(2 * n + 1, dtype=np.int64)  # row of a basic variable, −1 − column of a nonbasic one
+    position = np.empty(2 * n + 1, dtype=np.int64)  # row of a basic variable, −1 − column of a nonbasic one
     for i in range(n):
-        place[basic[i]] = i
+        position[basic[i]] = i
     for j in range(n + 1):
-        place[nonbasic[j]] = -1 - j
+        position[nonbasic[j]] = -1 - j
     tied = np.empty(n, dtype=np.int64)
     filled = np.empty(n + 1, dtype=np.int64)
-    for done in range(count):
-        column = -1 - place[entering]
-        if entering == 2 * n and done == 0 and basic.max() < n:
+    for n_pivots in range(count):
+        column = -1 - position[entering]
+        if entering == 2 * n and n_pivots == 0 and basic.max() < n:
             row = n - 1 - np.argmin(values[::-1])  # the last of equal entries, the lexicographic minimum of [q, I]
         else:
-            row = _leaving_row(rows, values, basic, place, column, tied, smallest)
+            row = _leaving_row(rows, values, basic, position, column, tied, smallest)
         if row < 0:
-            return 2, done, entering
+            return 2, n_pivots, entering
         leaving = basic[row]
         _exchange(rows, values, row, column, filled)
         basic[row], nonbasic[column] = entering, leaving
-        place[entering], place[leaving] = row, -1 - column
+        position[entering], position[leaving] = row, -1 - column
         if leaving == 2 * n:
-            return 1, done + 1, entering
+            return 1, n_pivots + 1, entering
         entering = leaving + n if leaving < n else leaving - n
     return 0, count, entering
 
 
 @njit(cache=True)
-def _leaving_row(rows, values, basic, place, column, tied, smallest):  # type: ignore[no-untyped-def]
+def _leaving_row(rows, values, basic, position, column, tied, smallest):  # type: ignore[no-untyped-def]
     """Return the row of the lexicographic minimum of [β, B⁻¹]/column over positive entries, −1 if there is none.
 
     The row of z₀ wins every tie in β, because it gives the solution.
@@ -161,15 +161,16 @@ def _leaving_row(rows, values, basic, place, column, tied, smallest):  # type: i
     for i in range(n):
         largest = max(largest, abs(rows[i, column]))
     threshold = smallest * largest
-    least = np.inf
+    min_ratio = np.inf
     for i in range(n):
         if rows[i, column] > threshold:
-            least = min(least, max(values[i], 0.0) / rows[i, column])
-    if least == np.inf:
+            min_ratio = min(min_ratio, max(values[i], 0.0) / rows[i, column])
+    if min_ratio == np.inf:
         return -1
+    limit = min_ratio + TIE * max(1.0, min_ratio)
     count = 0
     for i in range(n):
-        if rows[i, column] > threshold and max(values[i], 0.0) / rows[i, column] <= least + TIE * max(1.0, least):
+        if rows[i, column] > threshold and max(values[i], 0.0) / rows[i, column] <= limit:
             if basic[i] == 2 * n:
                 return i
             tied[count] = i
@@ -179,23 +180,23 @@ def _leaving_row(rows, values, basic, place, column, tied, smallest):  # type: i
             break
         lowest = np.inf
         for t in range(count):
-            lowest = min(lowest, _inverse_entry(rows, place, tied[t], j) / rows[tied[t], column])
-        kept = 0
+            lowest = min(lowest, _inverse_entry(rows, position, tied[t], j) / rows[tied[t], column])
+        n_kept = 0
         for t in range(count):
-            ratio = _inverse_entry(rows, place, tied[t], j) / rows[tied[t], column]
+            ratio = _inverse_entry(rows, position, tied[t], j) / rows[tied[t], column]
             if ratio <= lowest + TIE * max(1.0, abs(lowest)):
-                tied[kept] = tied[t]
-                kept += 1
-        count = kept
+                tied[n_kept] = tied[t]
+                n_kept += 1
+        count = n_kept
     return tied[0]
 
 
 @njit(cache=True)
-def _inverse_entry(rows, place, row, j):  # type: ignore[no-untyped-def]
+def _inverse_entry(rows, position, row, j):  # type: ignore[no-untyped-def]
     """Return entry (row, j) of B⁻¹, from the column of w_j, or from the unit matrix if w_j is basic."""
-    if place[j] >= 0:
-        return 1.0 if place[j] == row else 0.0
-    return rows[row, -1 - place[j]]
+    if position[j] >= 0:
+        return 1.0 if position[j] == row else 0.0
+    return rows[row, -1 - position[j]]
 
 
 @njit(cache=True)

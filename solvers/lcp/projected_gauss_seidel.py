@@ -96,9 +96,9 @@ class Segments:
         edges[rows == 2] = np.column_stack([np.cos(angle), np.sin(angle)])
         edges[rows == 1, 0, 0] = 1.0
         share = np.where(rows == 2, np.sin(np.pi / sides), 1.0)
-        own = blocks.values[blocks.starts[:-1]]
-        curvature = np.einsum("bsi,bij,bsj->bs", edges, own[:, 1:, 1:], edges)
-        return Segments(edges, share, inverse(curvature, relaxation), inverse(own[:, 0, 0], relaxation))
+        diagonal = blocks.values[blocks.starts[:-1]]
+        curvature = np.einsum("bsi,bij,bsj->bs", edges, diagonal[:, 1:, 1:], edges)
+        return Segments(edges, share, inverse(curvature, relaxation), inverse(diagonal[:, 0, 0], relaxation))
 
     def distribute(self, layout: BlockLayout, padded: FloatArray) -> FloatArray:
         """Return x within its bounds with Σ_s e_s x_s closest to Λ_T, shape (n_blocks, n_segments).
@@ -111,8 +111,8 @@ class Segments:
         weight = max(0.5 * self.edges.shape[1], 1.0)  # Σ e_s e_sᵀ is this times the identity, or less if planar
         shares = np.zeros(self.edges.shape[:2])
         for _ in range(DECOMPOSITIONS):
-            missing = target - np.einsum("bs,bsi->bi", shares, self.edges)
-            shares += np.einsum("bsi,bi->bs", self.edges, missing) / weight
+            remainder = target - np.einsum("bs,bsi->bi", shares, self.edges)
+            shares += np.einsum("bsi,bi->bs", self.edges, remainder) / weight
             shares = np.clip(shares, -bound, bound)
         return shares
 
@@ -137,6 +137,7 @@ class PyramidIterates(DelassusState):
 def _sweep(  # type: ignore[no-untyped-def]
     count, starts, lanes, values, free, normal_sizes, friction, fixed, partner, edges, share, sizes, shares, impulses
 ):
+    """Do ``count`` sweeps over all contacts, in ``impulses`` and the unknowns x of segments in ``shares``."""
     one, two, three = uint64(1), uint64(2), uint64(3)
     segments = uint64(sizes.shape[1])
     edges, sizes, shares = edges.reshape(-1), sizes.reshape(-1), shares.reshape(-1)
@@ -144,24 +145,24 @@ def _sweep(  # type: ignore[no-untyped-def]
         for i in range(uint64(len(friction))):
             k = three * i
             normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free, impulses)
-            own = uint64(9) * starts[i]
+            block_start = uint64(9) * starts[i]
             old = impulses[k]
             new = max(old - normal_sizes[i] * normal, 0.0)
             impulses[k] = new
-            first += values[own + three] * (new - old)
-            second += values[own + uint64(6)] * (new - old)
-            g_11, g_12 = values[own + uint64(4)], values[own + uint64(5)]
-            g_21, g_22 = values[own + uint64(7)], values[own + uint64(8)]
+            first += values[block_start + three] * (new - old)
+            second += values[block_start + uint64(6)] * (new - old)
+            g_11, g_12 = values[block_start + uint64(4)], values[block_start + uint64(5)]
+            g_21, g_22 = values[block_start + uint64(7)], values[block_start + uint64(8)]
             bound = share[i] * (fixed[i] + friction[i] * impulses[partner[i]])
             sum_1, sum_2 = 0.0, 0.0
             for e in range(segments * i, segments * (i + one)):
                 x, y = edges[two * e], edges[two * e + one]
-                held = shares[e]
-                moved = min(max(held - sizes[e] * (x * first + y * second), -bound), bound)
-                shares[e] = moved
-                sum_1 += x * moved
-                sum_2 += y * moved
-                step = moved - held
+                old_share = shares[e]
+                new_share = min(max(old_share - sizes[e] * (x * first + y * second), -bound), bound)
+                shares[e] = new_share
+                sum_1 += x * new_share
+                sum_2 += y * new_share
+                step = new_share - old_share
                 first += (g_11 * x + g_12 * y) * step
                 second += (g_21 * x + g_22 * y) * step
             impulses[k + one] = sum_1

@@ -79,8 +79,8 @@ class Executable(NativeSolver):
         program: the running program.
 
     Raises:
-        SolverError: if the file is missing or cannot be started, exits, does not answer, or has another version of the
-            interface.
+        SolverError: if the file is missing or cannot be started, or if the program exits, does not answer, or has
+            another version of the interface.
     """
 
     program: "Program" = field(init=False, repr=False, compare=False)
@@ -120,10 +120,10 @@ class Program:
         self.facts = self._start()
 
     def processor_seconds(self) -> float:
-        """Return its processor time so far [s]; 0 if the system does not count it."""
+        """Return the processor time of the program so far [s]; 0 if the system does not count it."""
         try:
             return time.clock_gettime(~self._child.pid << 3 | _ALL_THREADS)
-        except OSError:  # it has ended, or the system is not Linux
+        except OSError:  # the program has ended, or the system is not Linux
             return 0.0
 
     def discard(self) -> None:
@@ -145,16 +145,16 @@ class Program:
         content = memoryview(b"".join((HEADER.pack(sum(map(len, parts)), kind, code), *parts)))
         try:
             while content:
-                content = content[os.write(self._into, content) :]
+                content = content[os.write(self._input, content) :]
         except OSError:
-            raise self._ended() from None
+            raise self._exit_error() from None
 
     def receive(self, kinds: tuple[int, ...], n_rows: int) -> Message:
         """Return the next message about a problem of ``n_rows``.
 
         Raises:
             SolverError: if the program has ended.
-            BrokenInterfaceError: if it sends another kind of message.
+            BrokenInterfaceError: if the program sends another kind of message.
         """
         head = self._read(HEADER.size)
         length, kind, code = HEADER.unpack(head)
@@ -177,11 +177,11 @@ class Program:
         assert child.stdin is not None
         assert child.stdout is not None
         self._child, self._owner, self.prepared = child, os.getpid(), None
-        self._into, self._from = child.stdin.fileno(), child.stdout.fileno()
-        weakref.finalize(self, _end, child, self._owner)
+        self._input, self._output = child.stdin.fileno(), child.stdout.fileno()
+        weakref.finalize(self, _end_program, child, self._owner)
         self.send(DESCRIBE, INTERFACE)
         answers = select.poll()
-        answers.register(self._from, select.POLLIN)
+        answers.register(self._output, select.POLLIN)
         if not answers.poll(1e3 * START_SECONDS):
             self.discard()
             raise SolverError(
@@ -191,18 +191,18 @@ class Program:
         return read_description(self.source, self.receive((DESCRIBE,), 0))
 
     def _read(self, length: int) -> bytes:
-        content = os.read(self._from, length)
+        content = os.read(self._output, length)
         if len(content) == length:
             return content
-        parts, left = [content], length - len(content)
-        while left and parts[-1]:
-            parts.append(os.read(self._from, left))
-            left -= len(parts[-1])
-        if left:
-            raise self._ended()
+        parts, remaining = [content], length - len(content)
+        while remaining and parts[-1]:
+            parts.append(os.read(self._output, remaining))
+            remaining -= len(parts[-1])
+        if remaining:
+            raise self._exit_error()
         return b"".join(parts)
 
-    def _ended(self) -> SolverError:
+    def _exit_error(self) -> SolverError:
         try:
             code = self._child.wait(END_SECONDS)
         except subprocess.TimeoutExpired:
@@ -226,7 +226,7 @@ class PreparedProgram:
 
         Raises:
             SolverError: if the program has ended.
-            BrokenInterfaceError: if it sends something that is not an answer.
+            BrokenInterfaceError: if the program sends something that is not an answer.
         """
         check_stop(stop)
         program, n_rows = self._program, self._n_rows
@@ -240,12 +240,12 @@ class PreparedProgram:
         program.send(SOLVE, 0, LIMITS.pack(*limits, observe is not None), first.tobytes())
         try:
             answer = self._answer(observe)
-        except BaseException:  # its next messages would belong to this solve
+        except BaseException:  # the next messages of the program would belong to this solve
             program.discard()
             raise
         status = status_of(program.source, answer.code)
-        own = f"{answer.seconds:.3g} s by its own clock" if answer.seconds > 0.0 else ""
-        return Solution(answer.impulses, status, answer.iterations, answer.text or own)
+        own_seconds = f"{answer.seconds:.3g} s by its own clock" if answer.seconds > 0.0 else ""
+        return Solution(answer.impulses, status, answer.iterations, answer.text or own_seconds)
 
     def _answer(self, observe: Observer | None) -> Answer:
         """Return the solution, and pass the iterates that come before it to the observer."""
@@ -266,7 +266,7 @@ class PreparedProgram:
         self._program.prepared = self._token
 
 
-def _end(child: "subprocess.Popen[bytes]", owner: int) -> None:
+def _end_program(child: "subprocess.Popen[bytes]", owner: int) -> None:
     """End a program that this process has started."""
     if owner != os.getpid():
         return

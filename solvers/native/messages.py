@@ -76,7 +76,7 @@ def read_description(source: str, message: Message) -> SolverFacts:
     """Return an executable's description of itself.
 
     Raises:
-        SolverError: if the message is not a description, or the interface has another version.
+        SolverError: if the message is too short, the interface has another version, or the model is invalid.
     """
     if len(message.body) < _DESCRIPTION.size:
         raise BrokenInterfaceError(

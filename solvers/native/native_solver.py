@@ -101,11 +101,12 @@ class NativeSolver(ABC):
     """Name of the kind of file in messages."""
 
     example: ClassVar[str]
+    """Example of a solver of this kind in messages."""
 
     def __post_init__(self) -> None:
-        plain = type(self).__name__
+        class_name = type(self).__name__
         if not (isinstance(self.path, str) and self.path and isinstance(self.options, str)):
-            raise SolverError(f"{plain} needs the path of a file, and options as text; write {self.example}.")
+            raise SolverError(f"{class_name} needs the path of a file, and options as text; write {self.example}.")
         if not self.file.is_file():
             raise SolverError(f"there is no {self.kind} {self.path}; build it, or correct its path.")
         object.__setattr__(self, "facts", self._describe())
@@ -169,7 +170,7 @@ def laws_of(problem: ContactProblem) -> int:
     """Return the laws that a solver of ``problem`` must support, as bits of ``pb_laws``."""
     laws = problem.laws
     slides = laws.is_friction & ~laws.is_rolling
-    has = (
+    needs = (
         laws.is_unilateral.any(),
         laws.is_bilateral.any(),
         (slides & (laws.row_count == 1)).any(),
@@ -178,7 +179,7 @@ def laws_of(problem: ContactProblem) -> int:
         laws.fixed_bound.any() or not problem.layout.bounds_are_own,
         problem.allow_asymmetric and abs(problem.delassus() - problem.delassus().T).sum() > 0.0,
     )
-    return sum(1 << bit for bit, one in enumerate(has) if one)
+    return sum(1 << bit for bit, is_needed in enumerate(needs) if is_needed)
 
 
 def status_of(source: str, code: int) -> Status:
@@ -195,10 +196,11 @@ def status_of(source: str, code: int) -> Status:
 def granted_threads() -> int:
     """Return the number of threads that a solver may use.
 
-    It is OMP_NUM_THREADS, which is 1 in all measurements, or else the number of cores that this process may use.
+    This is the value of OMP_NUM_THREADS, which is 1 in all measurements. If it is not set, this is the number of cores
+    that this process may use.
     """
-    granted = os.environ.get("OMP_NUM_THREADS", "")
-    return int(granted) if granted.isdecimal() and int(granted) else usable_cores()
+    value = os.environ.get("OMP_NUM_THREADS", "")
+    return int(value) if value.isdecimal() and int(value) else usable_cores()
 
 
 def refused_solution(n_rows: int, status: Status, message: str) -> Solution:

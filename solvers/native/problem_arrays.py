@@ -38,7 +38,7 @@ class ProblemArrays:
         structure: Problem = sized(Problem)
         if problem.factors is None:
             forms &= ~FACTORS
-        arrays = _always(problem, structure)
+        arrays = _common_arrays(problem, structure)
         for form, collect in _COLLECTORS.items():
             if forms & form:
                 arrays |= collect(problem, structure)
@@ -47,15 +47,15 @@ class ProblemArrays:
 
     def message(self) -> bytes:
         """Return ``pb_problem`` with offsets from its own beginning instead of addresses, followed by the arrays."""
-        sent = Problem.from_buffer_copy(self.structure)
+        header = Problem.from_buffer_copy(self.structure)
         size = ctypes.sizeof(Problem)
         for name in ARRAYS:
-            address = getattr(sent, name)
-            setattr(sent, name, None if address is None else address - self.memory.ctypes.data + size)
-        return bytes(sent) + self.memory.tobytes()
+            address = getattr(header, name)
+            setattr(header, name, None if address is None else address - self.memory.ctypes.data + size)
+        return bytes(header) + self.memory.tobytes()
 
 
-def _always(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
+def _common_arrays(problem: ContactProblem, structure: Problem) -> dict[str, Any]:
     laws = problem.laws
     structure.n_rows, structure.n_laws, structure.infeasible_law = problem.n_rows, laws.n_laws, -1
     return {
@@ -120,16 +120,16 @@ _COLLECTORS = {SCALES: _scales, DENSE: _dense, SPARSE: _sparse, BLOCKS: _blocks,
 
 def _copy(arrays: dict[str, Any], structure: Problem) -> NDArray[np.uint8]:
     """Copy arrays into one block of memory, and store their addresses."""
-    places, end = [], 0
+    offsets, end = [], 0
     for name, source in arrays.items():
-        kind = _TYPES[ARRAYS[name]]
-        places.append((name, source, kind, end))
-        end += -(-len(source) * kind.itemsize // ALIGNMENT) * ALIGNMENT
+        dtype = _TYPES[ARRAYS[name]]
+        offsets.append((name, source, dtype, end))
+        end += -(-len(source) * dtype.itemsize // ALIGNMENT) * ALIGNMENT
     memory = np.zeros(max(end, 1) + ALIGNMENT, dtype=np.uint8)
-    first = -memory.ctypes.data % ALIGNMENT
-    memory = memory[first : first + max(end, 1)]
+    padding = -memory.ctypes.data % ALIGNMENT
+    memory = memory[padding : padding + max(end, 1)]
     base = memory.ctypes.data
-    for name, source, kind, place in places:
-        memory[place : place + len(source) * kind.itemsize].view(kind)[:] = source
-        setattr(structure, name, base + place)
+    for name, source, dtype, offset in offsets:
+        memory[offset : offset + len(source) * dtype.itemsize].view(dtype)[:] = source
+        setattr(structure, name, base + offset)
     return memory

@@ -61,7 +61,7 @@ class Shared(NativeSolver):
 
     Raises:
         SolverError: if the file is missing, truncated, built for another processor or not a shared library, lacks a
-            function of ``proxbench.h``, or has another version of the interface.
+            function of ``proxbench.h``, has another version of the interface, or describes itself incorrectly.
     """
 
     library: ctypes.CDLL = field(init=False, repr=False, compare=False)
@@ -88,31 +88,38 @@ class Shared(NativeSolver):
         library.proxbench_free.argtypes, library.proxbench_free.restype = (c_void_p,), None
         library.proxbench_solve.restype = c_int32
         object.__setattr__(self, "library", library)
-        source, found = f"shared library {self.path}", library.proxbench_describe()
-        if not found:
+        source, pointer = f"shared library {self.path}", library.proxbench_describe()
+        if not pointer:
             raise SolverError(f"proxbench_describe of {source} returns NULL; return the address of a pb_description.")
-        about = found.contents
-        check_interface(source, about.interface_version)
-        if about.size < ctypes.sizeof(Description):
-            raise SolverError(f"pb_description of {source} has size {about.size}; set size to sizeof(pb_description).")
-        masks = about.forms, about.laws, about.flags
+        description = pointer.contents
+        check_interface(source, description.interface_version)
+        if description.size < ctypes.sizeof(Description):
+            raise SolverError(
+                f"pb_description of {source} has size {description.size}; set size to sizeof(pb_description)."
+            )
+        masks = description.forms, description.laws, description.flags
         return SolverFacts.checked(
-            source, text_of(about.name), text_of(about.version), about.model, about.sides, masks=masks
+            source,
+            text_of(description.name),
+            text_of(description.version),
+            description.model,
+            description.sides,
+            masks=masks,
         )
 
     def _check_file(self) -> None:
         """Raise ``SolverError`` if the file is for another processor, or truncated, which would kill this process."""
         try:
-            length, found = elf_length(self.file), self.file.stat().st_size
-            processor, own = processor_of(self.file), own_processor()
+            length, size = elf_length(self.file), self.file.stat().st_size
+            processor, own_name = processor_of(self.file), own_processor()
         except OSError as error:
             raise SolverError(f"cannot read {self.path}: {error.strerror}; make it readable.") from None
-        if found < length:
-            raise SolverError(f"shared library {self.path} is truncated after {found} bytes; build or copy it again.")
-        if processor and own and processor != own:
+        if size < length:
+            raise SolverError(f"shared library {self.path} is truncated after {size} bytes; build or copy it again.")
+        if processor and own_name and processor != own_name:
             raise SolverError(
-                f"shared library {self.path} is built for {processor}, but this process runs on {own}; "
-                f"build it for {own}."
+                f"shared library {self.path} is built for {processor}, but this process runs on {own_name}; "
+                f"build it for {own_name}."
             )
 
     def prepare(self, problem: ContactProblem) -> Prepared:
@@ -183,9 +190,9 @@ class PreparedLibrary:
             if errors:
                 return
             try:
-                shown = np.ctypeslib.as_array((ctypes.c_double * self._n_rows).from_address(address))
-                shown.setflags(write=False)
-                observe(iteration, shown)
+                view = np.ctypeslib.as_array((ctypes.c_double * self._n_rows).from_address(address))
+                view.setflags(write=False)
+                observe(iteration, view)
             except BaseException as error:
                 errors.append(error)
 
@@ -207,8 +214,8 @@ class PreparedLibrary:
 
 def _solution(impulses: FloatArray, status: Status, iterations: int, message: str) -> Solution:
     """Return ``Solution(...)`` in half the time of its constructor, which sets the attributes indirectly."""
-    made = object.__new__(Solution)
-    attributes = made.__dict__
+    solution = object.__new__(Solution)
+    attributes = solution.__dict__
     attributes["impulses"], attributes["status"] = impulses, status
     attributes["iterations"], attributes["message"] = iterations, message
-    return made
+    return solution

@@ -139,7 +139,10 @@ def text_of(content: bytes | None, length: int = 200) -> str:
     """
     text = (content or b"").decode(errors="replace")[:length]
     return " ".join(
-        "".join(one if one.isprintable() or one.isspace() else "\N{REPLACEMENT CHARACTER}" for one in text).split()
+        "".join(
+            character if character.isprintable() or character.isspace() else "\N{REPLACEMENT CHARACTER}"
+            for character in text
+        ).split()
     )
 
 

@@ -11,8 +11,8 @@ expected to take at most
 
     t' = SLACK · t · max(1, z'/z)³.
 
-Measured exponents range from 1.2 (flow) to 4.6 (the last part of a dense packing). The larger ones hold only while z
-grows by less than a factor of two. If a system is larger than all measured ones and may miss the deadline, leading
+Measured exponents range from 1.2 (flow) to 4.6 (the last part of a dense packing). The larger exponents hold only while
+z grows by less than a factor of two. If a system is larger than all measured ones and may miss the deadline, leading
 parts of it are factorised first. Their number of rows doubles until the prediction is either short enough or certainly
 too long. Rows are in reverse Cuthill–McKee order, so that a part has the connectivity of the whole. The parts do not
 affect the iterates.
@@ -71,12 +71,12 @@ class LinearSolver:
         self.lacks_time = not self._meets_deadline(matrix)
         if self.lacks_time:
             return None
-        began = self._clock.elapsed
+        start = self._clock.elapsed
         factors = factorise(matrix)
         if factors is None:
             return None
         step = np.asarray(scale * factors.solve(scale * system.right))
-        self._record(matrix, self._clock.elapsed - began)
+        self._record(matrix, self._clock.elapsed - start)
         self._work.count_step(len(scale), factors.nnz)
         return step
 
@@ -106,10 +106,10 @@ class LinearSolver:
             part = sp.csr_array(matrix[order[:rows]][:, order[:rows]])
             if self._predict(part.nnz) > self._clock.remaining:
                 return False
-            began = self._clock.elapsed
+            start = self._clock.elapsed
             if factorise(part) is None:
                 return False
-            self._record(part, self._clock.elapsed - began)
+            self._record(part, self._clock.elapsed - start)
         return True
 
     def _predict(self, entries: int) -> float:

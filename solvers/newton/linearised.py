@@ -1,9 +1,8 @@
 """The projection equations of a contact problem, and their linearisation, the system of a semismooth Newton step.
 
-With r = 1/α, the inclusion of law i is Λ_i = prox_{C_i}(x_i), x_i = Λ_i − ξ_i/α_i, where α_i is the largest diagonal
-entry of its block, as in the judge. The state of the law is the piece of the prox on which x_i lies (Alart & Curnier, A
-mixed formulation for frictional contact problems prone to Newton like solution methods, 1991); b = a + μΛ_N is its
-bound:
+The inclusion of law i is Λ_i = prox_{C_i}(x_i), x_i = Λ_i − ξ_i/α_i, where α_i is the largest diagonal entry of its
+block, as in the judge. The state of the law is the piece of the prox on which x_i lies (Alart & Curnier, A mixed
+formulation for frictional contact problems prone to Newton like solution methods, 1991); b = a + μΛ_N is its bound:
 
     open    x_N ≤ 0         Λ_N = 0
     closed  x_N > 0         ξ_N = 0
@@ -93,30 +92,30 @@ class Equations:
         n_rows = len(self._free)
         base, right = impulses.copy(), np.zeros(n_rows)
         is_active, slips = np.zeros(n_rows, dtype=np.bool_), np.zeros(n_rows, dtype=np.bool_)
-        places, weights = np.empty((2, 4 * n_rows), dtype=np.int64), np.empty((2, 4 * n_rows))
+        pairs, weights = np.empty((2, 4 * n_rows), dtype=np.int64), np.empty((2, 4 * n_rows))
         count = _linearise(
-            *self._laws, self._alpha, self.velocity(impulses), base, right, is_active, slips, places, weights
+            *self._laws, self._alpha, self.velocity(impulses), base, right, is_active, slips, pairs, weights
         )
         active = np.flatnonzero(is_active)
         right = np.where(slips, right, -self.velocity(base))[active]
         column = np.full(n_rows, -1)
         column[active] = np.arange(len(active))
-        places, weights = column[places[:, :count]], weights[:, :count]
+        pairs, weights = column[pairs[:, :count]], weights[:, :count]
         if self._dense is not None:
-            return LinearSystem(base, active, _jacobian(self._dense, active, slips[active], places, weights), right)
+            return LinearSystem(base, active, _jacobian(self._dense, active, slips[active], pairs, weights), right)
         matrix = sp.csr_array(self._delassus[active][:, active])
         if count > 0:
-            rows, columns = places
-            of_velocity, of_impulse = (
+            rows, columns = pairs
+            velocity_weights, impulse_weights = (
                 sp.csr_array((values, (rows, columns)), shape=matrix.shape) for values in weights
             )
-            kept = sp.diags_array(np.where(slips[active], 0.0, 1.0))
-            matrix = sp.csr_array((of_velocity + kept) @ matrix + of_impulse)
+            identity = sp.diags_array(np.where(slips[active], 0.0, 1.0))
+            matrix = sp.csr_array((velocity_weights + identity) @ matrix + impulse_weights)
         return LinearSystem(base, active, matrix, right)
 
 
 @njit(cache=True)
-def _jacobian(delassus, active, slips, places, weights):  # type: ignore[no-untyped-def]
+def _jacobian(delassus, active, slips, pairs, weights):  # type: ignore[no-untyped-def]
     """Return the dense Jacobian over active rows: rows of G or, where a law slips, of P G plus the weights of δ."""
     n = len(active)
     matrix = np.zeros((n, n))
@@ -124,18 +123,18 @@ def _jacobian(delassus, active, slips, places, weights):  # type: ignore[no-unty
         if not slips[row]:
             for lane in range(n):
                 matrix[row, lane] = delassus[active[row], active[lane]]
-    for place in range(places.shape[1]):
-        row, other = places[0, place], places[1, place]
-        if weights[0, place] != 0.0:
+    for entry in range(pairs.shape[1]):
+        row, column = pairs[0, entry], pairs[1, entry]
+        if weights[0, entry] != 0.0:
             for lane in range(n):
-                matrix[row, lane] += weights[0, place] * delassus[active[other], active[lane]]
-        matrix[row, other] += weights[1, place]
+                matrix[row, lane] += weights[0, entry] * delassus[active[column], active[lane]]
+        matrix[row, column] += weights[1, entry]
     return matrix
 
 
 @njit(cache=True)
 def _linearise(  # type: ignore[no-untyped-def]
-    sets, first_row, rows, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, places, weights
+    sets, first_row, rows, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, pairs, weights
 ):
     """Identify the states, set Λ of open and idle rows to zero, and write the right-hand side and weights of slip."""
     for law in range(len(sets)):
@@ -168,13 +167,13 @@ def _linearise(  # type: ignore[no-untyped-def]
             slips[i + row] = True
             right[i + row] = alpha[law] * (bound * along[row] - base[i + row])
             for lane in range(width):
-                same = 1.0 if row == lane else 0.0
-                across = kappa * (same - along[row] * along[lane])
-                places[0, count], places[1, count] = i + row, i + lane
-                weights[0, count], weights[1, count] = across, alpha[law] * (same - across)
+                unit = 1.0 if row == lane else 0.0
+                across = kappa * (unit - along[row] * along[lane])
+                pairs[0, count], pairs[1, count] = i + row, i + lane
+                weights[0, count], weights[1, count] = across, alpha[law] * (unit - across)
                 count += 1
             if mu > 0.0:
-                places[0, count], places[1, count] = i + row, n
+                pairs[0, count], pairs[1, count] = i + row, n
                 weights[0, count], weights[1, count] = 0.0, -alpha[law] * mu * along[row]
                 count += 1
     return count

@@ -4,7 +4,7 @@
 
 (Rockafellar, Monotone operators and the proximal point algorithm, SIAM J. Control Optim. 14, 1976; for friction: Acary,
 Brémond & Huber 2018). G + ρA has full rank for any number of redundant contacts, and a limit of the sequence solves the
-problem itself. Small ρ give long steps, but inner problems that are as hard as the original. Therefore ρ is reduced
+problem itself. With small ρ, steps are long, but inner problems are as hard as the original one. Therefore ρ is reduced
 after an inner solve that takes few Newton steps. It is increased if an inner solve does not converge, and this solve is
 repeated.
 """
@@ -76,15 +76,15 @@ class PreparedProximalPoint:
         steps = inner.steps(first)
         while lowest > stop.tolerance:
             limit = clock.reached_limit(stop, count)
-            newest = next(steps, None) if limit is None else None
-            if newest is None:
+            iterate = next(steps, None) if limit is None else None
+            if iterate is None:
                 status, message = self._failure(limit, inner, best, lowest, count)
                 return Solution(best, status, count, message)
             count += 1
-            clock.show(observe, count, newest)
-            present = inner.residual(newest)
-            if present < lowest:
-                best, lowest = newest, present
+            clock.show(observe, count, iterate)
+            current_residual = inner.residual(iterate)
+            if current_residual < lowest:
+                best, lowest = iterate, current_residual
         return Solution(best, Status.SOLVED, count)
 
     def _failure(
@@ -115,24 +115,24 @@ class _InnerProblems:
         while weight <= MAX_WEIGHT:
             inner = self._equations.regularised(weight, centre)
             residual = partial(self._inner_residual, inner)
-            newest, present, count, is_solved = centre, residual(centre), 0, False
-            tolerance = INNER_TOLERANCE * present
+            iterate, current_residual, count, is_solved = centre, residual(centre), 0, False
+            tolerance = INNER_TOLERANCE * current_residual
             while count < MAX_STEPS and not is_solved:
-                goal = full_step(inner, self.solver, newest, DAMPING)
+                goal = full_step(inner, self.solver, iterate, DAMPING)
                 if goal is None:
                     break
-                newest, present = search_line(residual, newest, present, goal, MIN_STEP)
+                iterate, current_residual = search_line(residual, iterate, current_residual, goal, MIN_STEP)
                 count += 1
-                yield newest
-                is_solved = present <= tolerance
+                yield iterate
+                is_solved = current_residual <= tolerance
             if self.solver.lacks_time:
                 return
             if not is_solved:
                 weight *= INCREASE
                 continue
-            if np.array_equal(newest, centre):
+            if np.array_equal(iterate, centre):
                 return
-            centre = newest
+            centre = iterate
             if count <= EASY_STEPS:
                 weight = max(weight / DECREASE, MIN_WEIGHT)
 

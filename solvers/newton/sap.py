@@ -106,6 +106,7 @@ class _Springs:
 
 
 def _steps(springs: _Springs, start: FloatArray) -> Iterator[FloatArray]:
+    """Yield x after each Newton step or update of x̄, from x = ``start``, shape (n_rows,)."""
     springs.compliance, springs.centre = FIRST_COMPLIANCE, start
     w = np.asarray(springs.directions @ start)
     while True:
@@ -147,18 +148,18 @@ def _derivatives(cone: ConeProblem, argument: FloatArray) -> FloatArray:
     n, width = argument.shape
     normal, tangent = argument[:, 0], argument[:, 1:]
     length = np.sqrt((tangent**2).sum(axis=1))
-    found = np.zeros((n, width, width))
-    inside = length <= fixed + friction * np.maximum(normal, 0.0)
-    normal_impulse = np.where(inside, normal, (normal + friction * (length - fixed)) / (1.0 + friction**2))
-    found[:, 0, 0] = np.where(normal_impulse > 0.0, np.where(inside, 1.0, 1.0 / (1.0 + friction**2)), 0.0)
+    derivatives = np.zeros((n, width, width))
+    is_inside = length <= fixed + friction * np.maximum(normal, 0.0)
+    normal_impulse = np.where(is_inside, normal, (normal + friction * (length - fixed)) / (1.0 + friction**2))
+    derivatives[:, 0, 0] = np.where(normal_impulse > 0.0, np.where(is_inside, 1.0, 1.0 / (1.0 + friction**2)), 0.0)
     if width == 1:
-        return found
+        return derivatives
     along = tangent / np.where(length > 0.0, length, 1.0)[:, None]
     outer = along[:, :, None] * along[:, None, :]
     bound = fixed + friction * np.maximum(normal_impulse, 0.0)
-    across = np.where(inside, 1.0, bound / np.where(length > 0.0, length, 1.0))
-    radial = np.where(inside, 1.0, np.where(normal_impulse > 0.0, friction**2 / (1.0 + friction**2), 0.0))
-    found[:, 1:, 1:] = across[:, None, None] * (np.eye(width - 1) - outer) + radial[:, None, None] * outer
-    mixed = np.where(inside | (normal_impulse <= 0.0), 0.0, friction / (1.0 + friction**2))[:, None] * along
-    found[:, 0, 1:] = found[:, 1:, 0] = mixed
-    return found
+    across = np.where(is_inside, 1.0, bound / np.where(length > 0.0, length, 1.0))
+    radial = np.where(is_inside, 1.0, np.where(normal_impulse > 0.0, friction**2 / (1.0 + friction**2), 0.0))
+    derivatives[:, 1:, 1:] = across[:, None, None] * (np.eye(width - 1) - outer) + radial[:, None, None] * outer
+    mixed = np.where(is_inside | (normal_impulse <= 0.0), 0.0, friction / (1.0 + friction**2))[:, None] * along
+    derivatives[:, 0, 1:] = derivatives[:, 1:, 0] = mixed
+    return derivatives

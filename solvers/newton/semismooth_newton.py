@@ -135,7 +135,7 @@ class CycleDetector:
     def __init__(self, first: FloatArray) -> None:
         self.latest = first
         self.status: Status | None = None
-        self._reference, self._age, self._interval = first, 0, 1
+        self._reference, self._n_since_reference, self._interval = first, 0, 1
 
     def record(self, iterate: FloatArray) -> None:
         """Compare an iterate, shape (n_rows,), with the previous one and with the reference, and update ``status``."""
@@ -143,11 +143,11 @@ class CycleDetector:
             self.status = Status.STALLED
         elif _are_equal(iterate, self._reference):
             self.status = Status.OSCILLATING
-        self.latest, self._age = iterate, self._age + 1
-        if self._age == self._interval:
-            self._reference, self._age, self._interval = iterate, 0, 2 * self._interval
+        self.latest, self._n_since_reference = iterate, self._n_since_reference + 1
+        if self._n_since_reference == self._interval:
+            self._reference, self._n_since_reference, self._interval = iterate, 0, 2 * self._interval
 
 
-def _are_equal(one: FloatArray, other: FloatArray) -> bool:
-    """Return whether two vectors of impulses are equal up to rounding."""
-    return bool((np.abs(one - other) <= ROUNDING * np.maximum(np.abs(one), np.abs(other))).all())
+def _are_equal(a: FloatArray, b: FloatArray) -> bool:
+    """Whether two vectors of impulses are equal up to rounding."""
+    return bool((np.abs(a - b) <= ROUNDING * np.maximum(np.abs(a), np.abs(b))).all())

@@ -12,8 +12,8 @@ t = 1, ½, …, 1/64 with
 
     ρ(Λ + tδ) < (1 − 10⁻⁴ t) ρ(Λ),      ρ the judge's residual,
 
-breaks the cycle (De Luca, Facchinei & Kanzow 1996). At a kink of ρ, possibly no t satisfies this condition; the
-shortest step is then taken. The best Λ of all steps is returned. Neither full nor shortened steps are always better.
+breaks the cycle (De Luca, Facchinei & Kanzow 1996). At a kink of ρ, there may be no such t; the shortest step is
+then taken. The best Λ of all steps is returned. Neither full nor shortened steps are always better.
 Solvers therefore alternate between them.
 """
 
@@ -79,19 +79,21 @@ LINE_SEARCH = THOROUGH[1]
 def full_step(equations: Equations, solver: LinearSolver, impulses: FloatArray, damping: float) -> FloatArray | None:
     """Return Λ after a full Newton step, shape (n_rows,), or None if the system is singular or would take too long."""
     system = equations.linearise(impulses)
-    after = system.base
+    goal = system.base
     if len(system.active):
         step = solver.solve(system, 1.0 / np.sqrt(equations.row_alpha[system.active]), damping)
         if step is None or not np.isfinite(step).all():
             return None
-        after[system.active] += step
-    return after
+        goal[system.active] += step
+    return goal
 
 
 def search_line(
     residual: Callable[[FloatArray], float], origin: FloatArray, before: float, goal: FloatArray, min_step: float
 ) -> tuple[FloatArray, float]:
-    """Return the first point back from ``goal`` that reduces the residual enough, or the last point, with its residual.
+    """Return the first point on the way back from ``goal`` that reduces the residual enough, and its residual.
+
+    If there is none, return the last point of the search.
 
     Args:
         residual: Λ ↦ its residual.
@@ -100,12 +102,12 @@ def search_line(
         goal: Λ after the full step, shape (n_rows,).
         min_step: smallest fraction of the step; 1 accepts the full step.
     """
-    fraction, point, present = 1.0, goal, residual(goal)
-    while fraction > min_step and not present < (1.0 - SUFFICIENT_DECREASE * fraction) * before:
+    fraction, point, current = 1.0, goal, residual(goal)
+    while fraction > min_step and not current < (1.0 - SUFFICIENT_DECREASE * fraction) * before:
         fraction *= 0.5
         point = origin + fraction * (goal - origin)
-        present = residual(point)
-    return point, present
+        current = residual(point)
+    return point, current
 
 
 class NewtonMethod:
@@ -130,22 +132,22 @@ class NewtonMethod:
 
         ``may_continue`` receives each iterate and returns whether another step may follow.
         """
-        best, lowest, present, waited = impulses, first, first, 0
+        best, lowest, current, n_stale = impulses, first, first, 0
         for _ in range(settings.max_steps):
             goal = full_step(self._equations, self.solver, impulses, settings.damping)
             if goal is None:
                 break
-            before = present
-            impulses, present = search_line(self.residual, impulses, before, goal, settings.min_step)
+            before = current
+            impulses, current = search_line(self.residual, impulses, before, goal, settings.min_step)
             is_over = not may_continue(impulses)
-            waited += 1
-            is_new = present < lowest
+            n_stale += 1
+            is_new = current < lowest
             if is_new:
-                best, lowest, waited = impulses, present, 0
-            gains_little = is_new and present > settings.gain * before
+                best, lowest, n_stale = impulses, current, 0
+            gains_little = is_new and current > settings.gain * before
             if is_over or lowest <= self._tolerance or gains_little:
                 break
-            if waited >= settings.patience or not present <= DIVERGENCE * first:
+            if n_stale >= settings.patience or not current <= DIVERGENCE * first:
                 break
         return best, lowest
 
@@ -184,8 +186,8 @@ class NewtonRunner:
         if self.is_over or self.work.seconds >= work_until:
             return impulses, residual
 
-        def may_continue(reached: FloatArray) -> bool:
-            self.driver.record(reached)
+        def may_continue(iterate: FloatArray) -> bool:
+            self.driver.record(iterate)
             return not self.is_over and self.work.seconds < work_until
 
         return self._newton.run(settings, impulses, residual, may_continue)

@@ -112,9 +112,9 @@ class DualSolver:
         self._dual.data.D.assign(self._matrix.astype(np.float32).ravel())  # a solve leaves its penalty on the diagonal
         solver.warmstart(self._dual, None, None)
         solver.solve(self._dual)
-        status, found = solver.data.status.numpy()[0], np.empty(len(impulses))
-        found[self._order] = solver.data.solution.lambdas.numpy() * self._impulse
-        return found, int(status["iterations"]), bool(status["converged"])
+        status, new_impulses = solver.data.status.numpy()[0], np.empty(len(impulses))
+        new_impulses[self._order] = solver.data.solution.lambdas.numpy() * self._impulse
+        return new_impulses, int(status["iterations"]), bool(status["converged"])
 
     def _make_dual(self, bounds: FloatArray, friction: FloatArray) -> Any:
         """Return the parts of Kamino's ``DualProblem`` that the solver reads."""
@@ -154,12 +154,15 @@ class DualSolver:
             num_worlds=1, **{f"{kind}_of_{name}": n for kind in ("sum", "max") for name, n in sizes.items()}
         )
         model = _kamino("core.model")
-        made = model.ModelKamino(
+        kamino_model = model.ModelKamino(
             _device=self._warp.get_device("cpu"), size=size, info=model.ModelKaminoInfo(num_worlds=1)
         )
         padmm = _kamino("solvers.padmm.solver")
         return padmm.PADMMSolver(
-            made, self._config, padmm.PADMMWarmStartMode.INTERNAL, use_acceleration=self._config.use_acceleration
+            kamino_model,
+            self._config,
+            padmm.PADMMWarmStartMode.INTERNAL,
+            use_acceleration=self._config.use_acceleration,
         )
 
     def _floats(self, values: FloatArray) -> Any:

@@ -70,9 +70,9 @@ class ConstraintStage:
         """Solve the program, and return the wall time of ``mj_fwdConstraint`` alone [s]."""
         solve, model, data = self._mujoco.mj_fwdConstraint, self._model, self._data
         model.opt.tolerance, model.opt.iterations = tolerance, iterations
-        began = perf_counter()
+        start_time = perf_counter()
         solve(model, data)
-        return perf_counter() - began
+        return perf_counter() - start_time
 
     @property
     def impulses(self) -> FloatArray:

@@ -84,7 +84,10 @@ class ConeProgram:
 
 
 def program_of(problem: ContactProblem, impedance: float) -> ConeProgram:
-    """Return the program of a captured step, or of any other problem, with R = (1 − d)/d α for d = ``impedance``."""
+    """Return the program of ``problem``.
+
+    A captured step has the R of its engine. Otherwise, R = (1 − d)/d α with d = ``impedance``, between 0 and 1.
+    """
     return _of_problem(problem, impedance) if problem.engine is None else _of_engine(problem, problem.engine)
 
 
@@ -95,10 +98,10 @@ def _of_problem(problem: ContactProblem, impedance: float) -> ConeProgram:
     bilateral = np.flatnonzero(laws.is_bilateral)
     bounded = np.flatnonzero(laws.is_friction & (laws.partner < 0))
     normal = np.flatnonzero(laws.is_unilateral)
-    follower = np.append(laws.partner, -1)[normal + 1] == normal
-    friction = np.where(follower, np.append(laws.friction_coefficient, 0.0)[normal + 1], 0.0)
-    dims = tuple(np.where(follower, 3, 1).tolist())
-    rows = _rows_of(laws, bilateral, bounded, normal, follower)
+    is_frictional = np.append(laws.partner, -1)[normal + 1] == normal
+    friction = np.where(is_frictional, np.append(laws.friction_coefficient, 0.0)[normal + 1], 0.0)
+    dims = tuple(np.where(is_frictional, 3, 1).tolist())
+    rows = _rows_of(laws, bilateral, bounded, normal, is_frictional)
     directions = _directions(problem) / np.sqrt(mass)
     jacobian = np.concatenate([directions, np.zeros((len(directions), 1))], axis=1)[:, rows].T
     alpha, coefficient = np.einsum("ij,ij->i", jacobian, jacobian), np.ones(len(rows))
@@ -109,9 +112,9 @@ def _of_problem(problem: ContactProblem, impedance: float) -> ConeProgram:
         first += dim
 
     def impulses(forces: FloatArray) -> FloatArray:
-        found = np.zeros(problem.n_rows + 1)
-        found[rows] = forces
-        return found[:-1] * unit
+        padded = np.zeros(problem.n_rows + 1)
+        padded[rows] = forces
+        return padded[:-1] * unit
 
     return ConeProgram(
         jacobian=jacobian,
@@ -122,18 +125,18 @@ def _of_problem(problem: ContactProblem, impedance: float) -> ConeProgram:
         dims=dims,
         coefficient=coefficient,
         impulses=impulses,
-        forces=lambda given: np.append(given / unit, 0.0)[rows],
+        forces=lambda problem_impulses: np.append(problem_impulses / unit, 0.0)[rows],
     )
 
 
-def _rows_of(laws: Any, bilateral: Any, bounded: Any, normal: Any, follower: Any) -> IntArray:
+def _rows_of(laws: Any, bilateral: Any, bounded: Any, normal: Any, is_frictional: Any) -> IntArray:
     """Return the row of the problem for each row of the program; −1 for the second tangent of planar friction."""
-    singles = laws.first_row[np.concatenate([bilateral, bounded])].tolist()
-    for law, has_friction in zip(normal.tolist(), follower.tolist(), strict=True):
+    rows = laws.first_row[np.concatenate([bilateral, bounded])].tolist()
+    for law, has_friction in zip(normal.tolist(), is_frictional.tolist(), strict=True):
         first = int(laws.first_row[law])
         count = int(laws.row_count[law + 1]) if has_friction else 0
-        singles += [first, *range(first + 1, first + 1 + count), *([-1] if count == 1 else [])]
-    return np.array(singles, dtype=np.int64)
+        rows += [first, *range(first + 1, first + 1 + count), *([-1] if count == 1 else [])]
+    return np.array(rows, dtype=np.int64)
 
 
 def _of_engine(problem: ContactProblem, engine: EngineModel) -> ConeProgram:
@@ -147,13 +150,13 @@ def _of_engine(problem: ContactProblem, engine: EngineModel) -> ConeProgram:
     unit, is_bounded = speed / mass, engine.kind == EngineSet.INTERVAL
 
     def forces(impulses: FloatArray) -> FloatArray:
-        found: FloatArray = engine.forces(impulses)[rows] / unit
-        return found
+        program_forces: FloatArray = engine.forces(impulses)[rows] / unit
+        return program_forces
 
     def impulses(forces: FloatArray) -> FloatArray:
-        found = np.empty(len(rows))
-        found[rows] = forces * unit
-        return engine.impulses(found)
+        engine_forces = np.empty(len(rows))
+        engine_forces[rows] = forces * unit
+        return engine.impulses(engine_forces)
 
     return ConeProgram(
         jacobian=_engine_jacobian(problem, engine)[rows] / np.sqrt(mass),
@@ -172,9 +175,9 @@ def _engine_jacobian(problem: ContactProblem, engine: EngineModel) -> FloatArray
     """Return J with J Jᵀ = A, from the problem's factors if they give A; damping in the mass matrix prevents that."""
     scale = float(abs(engine.matrix).max()) if engine.matrix.nnz else 0.0
     if problem.factors is not None and engine.back is None:
-        found: FloatArray = engine.combination.T @ _directions(problem).T / engine.time_step
-        if np.abs(found @ found.T - engine.matrix).max(initial=0.0) <= SAME_MATRIX * scale:
-            return found
+        jacobian: FloatArray = engine.combination.T @ _directions(problem).T / engine.time_step
+        if np.abs(jacobian @ jacobian.T - engine.matrix).max(initial=0.0) <= SAME_MATRIX * scale:
+            return jacobian
     return _root(engine.matrix.toarray()).T
 
 

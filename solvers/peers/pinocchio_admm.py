@@ -61,18 +61,18 @@ class PinocchioADMM(Method):
         return PreparedADMM(problem, self)
 
 
-def lanczos_steps(wanted: int, n_rows: int, max_seconds: float) -> int:
+def lanczos_steps(requested: int, n_rows: int, max_seconds: float) -> int:
     """Return the number of Lanczos steps: the option, at most one per row, reduced to the time limit but not below two.
 
     The time is estimated, not measured, so that solves with equal limits have equal results.
 
     Args:
-        wanted: the option; 0 means one per row.
+        requested: the option; 0 means one per row.
         n_rows: rows of G.
         max_seconds: time limit of the solve [s].
     """
     max_squared_steps = LANCZOS_SHARE * max_seconds / (STEP_SECONDS * max(n_rows, 1))
-    steps = min(wanted or n_rows, n_rows)
+    steps = min(requested or n_rows, n_rows)
     return steps if steps**2 <= max_squared_steps else max(2, int(max_squared_steps**0.5))
 
 

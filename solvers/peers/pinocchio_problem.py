@@ -40,8 +40,12 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
     """Return why Pinocchio's point contacts cannot represent ``problem``, or None."""
     laws = problem.laws
     n_contacts = laws.n_laws // 2
-    equal = Laws.contacts(laws.friction_coefficient[1::2], 3, n_contacts) if 2 * n_contacts == laws.n_laws else None
-    if equal is None or not np.array_equal(laws.kind, equal.kind) or not np.array_equal(laws.partner, equal.partner):
+    expected = Laws.contacts(laws.friction_coefficient[1::2], 3, n_contacts) if 2 * n_contacts == laws.n_laws else None
+    if (
+        expected is None
+        or not np.array_equal(laws.kind, expected.kind)
+        or not np.array_equal(laws.partner, expected.partner)
+    ):
         kinds = ", ".join(sorted(laws.counts()))
         return f"Pinocchio supports only contacts with spatial Coulomb friction, but the laws are {kinds}"
     if laws.fixed_bound.any():
@@ -111,12 +115,12 @@ def call_with_stack(call: Callable[[], Answer], n_contacts: int) -> Answer:
     Raises:
         BaseException: any exception that ``call`` raises.
     """
-    answers: list[Answer] = []
+    results: list[Answer] = []
     errors: list[BaseException] = []
 
     def run() -> None:
         try:
-            answers.append(call())
+            results.append(call())
         except BaseException as error:
             errors.append(error)
 
@@ -129,4 +133,4 @@ def call_with_stack(call: Callable[[], Answer], n_contacts: int) -> Answer:
     thread.join()
     if errors:
         raise errors[0]
-    return answers[0]
+    return results[0]

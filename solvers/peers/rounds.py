@@ -1,4 +1,4 @@
-"""Rounds of an external solver: it continues where it stopped, and the judge's residual is checked after each one.
+"""Rounds of an external solver: each continues the previous one, and the judge's residual is checked after each.
 
 External solvers know neither a time limit nor the judge's residual. Each call is limited to the iterations that fit
 into the remaining time at the speed of earlier rounds. If a solver reports convergence although the judge's residual is
@@ -70,31 +70,31 @@ class PreparedRounds(ABC):
         if self.residual.infeasible:
             return infeasible_solution(self.problem)
         clock, best = Clock(stop.max_seconds), initial_impulses(self.problem, self.residual, start)
-        lowest, done, planned = self.residual.judged(self.problem, best), 0, float(self.first_iterations)
+        lowest, n_iterations, planned = self.residual.judged(self.problem, best), 0, float(self.first_iterations)
         impulses, tolerance, seconds = best, min(stop.tolerance, 0.1), 0.0
         call = self.begin(stop.max_seconds)
         while lowest > stop.tolerance:
-            limit = clock.reached_limit(stop, done)
+            limit = clock.reached_limit(stop, n_iterations)
             if limit is not None:
-                return Solution(best, limit, done, f"residual {lowest:.1e} after {done} iterations")
-            affordable = TIME_SHARE * clock.remaining * done / seconds if seconds > 0.0 else planned
-            count = int(max(1.0, min(planned, affordable, stop.max_iterations - done)))
-            began = time.perf_counter()
-            made = call(impulses, tolerance, count)
-            seconds += time.perf_counter() - began
-            done += max(made.iterations, 1)
-            if not np.isfinite(made.impulses).all():
-                reason = f"the impulses are not finite after {done} iterations"
-                return Solution(best, Status.DIVERGED, done, reason)
-            impulses = made.impulses
-            found = self.residual.judged(self.problem, impulses)
-            if found < lowest:
-                best, lowest = impulses, found
-            if not made.is_converged:
+                return Solution(best, limit, n_iterations, f"residual {lowest:.1e} after {n_iterations} iterations")
+            affordable = TIME_SHARE * clock.remaining * n_iterations / seconds if seconds > 0.0 else planned
+            count = int(max(1.0, min(planned, affordable, stop.max_iterations - n_iterations)))
+            start_time = time.perf_counter()
+            result = call(impulses, tolerance, count)
+            seconds += time.perf_counter() - start_time
+            n_iterations += max(result.iterations, 1)
+            if not np.isfinite(result.impulses).all():
+                reason = f"the impulses are not finite after {n_iterations} iterations"
+                return Solution(best, Status.DIVERGED, n_iterations, reason)
+            impulses = result.impulses
+            residual = self.residual.judged(self.problem, impulses)
+            if residual < lowest:
+                best, lowest = impulses, residual
+            if not result.is_converged:
                 planned *= self.growth
             elif tolerance > MIN_TOLERANCE:
                 tolerance *= TIGHTENING
             elif lowest > stop.tolerance:
                 reason = f"its own tolerance {tolerance:.0e} is met, but the residual is {lowest:.1e}"
-                return Solution(best, Status.STALLED, done, reason)
-        return Solution(best, Status.SOLVED, done)
+                return Solution(best, Status.STALLED, n_iterations, reason)
+        return Solution(best, Status.SOLVED, n_iterations)

@@ -56,22 +56,23 @@ class APGD(Method):
 
 
 def _steps(cone: ConeProblem, step: float, start: FloatArray) -> Iterator[FloatArray]:
-    present, theta, longest = cone.projected(start), 1.0, MAX_STEP * step
-    ahead = present
+    """Yield scaled Λ after each iteration, from ``start``, shape (n_rows,), with the first t = ``step``."""
+    x, theta, max_step = cone.projected(start), 1.0, MAX_STEP * step
+    y = x
     while True:
-        gradient = np.asarray(cone.matrix @ ahead + cone.free)
+        gradient = np.asarray(cone.matrix @ y + cone.free)
         for _ in range(MAX_HALVINGS):
-            newest = cone.projected(ahead - step * gradient)
-            change = newest - ahead
+            x_next = cone.projected(y - step * gradient)
+            change = x_next - y
             # compare only the quadratic parts, because the linear parts cancel
             if step * float(change @ (cone.matrix @ change)) <= float(change @ change):
                 break
             step *= SHRINK
-        yield newest
-        if float(gradient @ (newest - present)) > 0.0:
-            theta, ahead = 1.0, newest
+        yield x_next
+        if float(gradient @ (x_next - x)) > 0.0:
+            theta, y = 1.0, x_next
         else:
-            following = 0.5 * (np.sqrt(theta**4 + 4.0 * theta**2) - theta**2)
-            ahead = newest + theta * (1.0 - theta) / (theta**2 + following) * (newest - present)
-            theta = following
-        present, step = newest, min(GROW * step, longest)
+            theta_next = 0.5 * (np.sqrt(theta**4 + 4.0 * theta**2) - theta**2)
+            y = x_next + theta * (1.0 - theta) / (theta**2 + theta_next) * (x_next - x)
+            theta = theta_next
+        x, step = x_next, min(GROW * step, max_step)

@@ -25,7 +25,7 @@ class PreparedWithFewerThreads:
 
     Attributes:
         iteration: the iteration.
-        requested: number of threads in the name of the solver.
+        requested: number of threads that the options of the solver request.
         threads: number of threads that sweep.
     """
 

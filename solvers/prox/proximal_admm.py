@@ -74,6 +74,7 @@ class ProximalADMM(Method):
 
 
 def _passes(cone: ConeProblem, largest: float, memory: int, start: FloatArray) -> Iterator[FloatArray]:
+    """Yield y after each iteration, shape (n_rows,); ``largest`` is L, and ``start`` is the first x."""
     eta = PROXIMAL * largest
     rho = float(np.sqrt(largest * eta) * (largest / eta) ** FIRST_EXPONENT)
     solve = _factorise(cone, rho + eta)

@@ -34,8 +34,8 @@ class SORprox(Method):
             the method of the paper. On a thousand flowing balls, ω = 1.2 with β = 0.75 needs half the sweeps of ω = 1.5
             without momentum. With "measured" and ω = 1.1, β follows the rate of convergence (see
             ``iteration.measured_momentum``).
-        momentum_delay: d; after k sweeps, β is at most k/(k + d). With d = 4, β = 0.8 and ω = 1.1, fewer sweeps reach
-            loose tolerances, and as many reach tight ones.
+        momentum_delay: d; after k sweeps, β is at most k/(k + d). With β = 0.8 and ω = 1.1, d = 4 needs fewer sweeps
+            than d = 0 for loose tolerances, and about as many for tight ones.
 
     Raises:
         SolverError: if an option is out of range.

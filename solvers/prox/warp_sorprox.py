@@ -35,10 +35,12 @@ class PreparedOnDevice:
         before = self.sweep.transfer_seconds
         solution = self.iteration.solve(stop, start, observe)
         self.synchronise()
-        spent = 1e3 * (self.sweep.transfer_seconds - before)
-        upload = 1e3 * self.sweep.upload_seconds
-        copied = f"on {self.sweep.device}, transfers: {upload:.3g} ms for the data, {spent:.3g} ms for iterates"
-        return replace(solution, message="; ".join(filter(None, [solution.message, copied])))
+        iterates_ms = 1e3 * (self.sweep.transfer_seconds - before)
+        data_ms = 1e3 * self.sweep.upload_seconds
+        transfers = (
+            f"on {self.sweep.device}, transfers: {data_ms:.3g} ms for the data, {iterates_ms:.3g} ms for iterates"
+        )
+        return replace(solution, message="; ".join(filter(None, [solution.message, transfers])))
 
     def synchronise(self) -> None:
         """Wait for the device."""

@@ -64,12 +64,12 @@ class AnyLawArrays(NamedTuple):
 
 
 @njit(cache=True, inline="always")
-def velocity_of_block(i, first, n_lanes, starts, lanes, values, free, impulses, xi):  # type: ignore[no-untyped-def]
-    """Write ξ of the lanes of block i from G in block rows, skipping the ``first`` stored blocks of its row."""
+def velocity_of_block(i, n_skipped, n_lanes, starts, lanes, values, free, impulses, xi):  # type: ignore[no-untyped-def]
+    """Write ξ of the lanes of block i from G in block rows, without the first ``n_skipped`` stored blocks."""
     width = uint64(n_lanes)
     for lane in range(width):
         xi[lane] = free[width * uint64(i) + lane]
-    for p in range(uint64(starts[i]) + uint64(first), uint64(starts[i + 1])):
+    for p in range(uint64(starts[i]) + uint64(n_skipped), uint64(starts[i + 1])):
         j = uint64(lanes[p])
         for lane in range(width):
             v, total = (width * p + lane) * width, 0.0
@@ -117,19 +117,19 @@ def sweep_delassus(  # type: ignore[no-untyped-def]
     first_rolling = 1 + sliding
     for _ in range(count):
         for i in range(len(friction)):
-            k, own = width * i, width * width * np.int64(starts[i])
+            k, block_start = width * i, width * width * np.int64(starts[i])
             velocity_of_block(i, 0, width, starts, lanes, values, free, impulses, xi)
             new = max(impulses[k] - sizes[3 * i] * xi[0], lower[i])
             change[0], impulses[k] = new - impulses[k], new
             if sliding > 0:
                 for lane in range(1, first_rolling):
-                    xi[lane] += values[own + width * lane] * change[0]
+                    xi[lane] += values[block_start + width * lane] * change[0]
                 bound = fixed[i] + friction[i] * impulses[partner[i]]
                 into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
             if first_rolling < width:
                 for lane in range(first_rolling, width):
                     for other in range(first_rolling):
-                        xi[lane] += values[own + width * lane + other] * change[other]
+                        xi[lane] += values[block_start + width * lane + other] * change[other]
                 bound = a_r[i] + mu_r[i] * new
                 into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
 
@@ -186,18 +186,18 @@ def sweep_factors(  # type: ignore[no-untyped-def]
     for _ in range(count):
         for i in range(len(friction)):
             k, begin, end = width * i, np.int64(starts[i]), np.int64(starts[i + 1])
-            own = free[k : k + width]
-            _velocity_of_lanes(0, 1, begin, end, chunks, pieces, v, own, xi)
+            block_free = free[k : k + width]
+            _velocity_of_lanes(0, 1, begin, end, chunks, pieces, v, block_free, xi)
             new = max(impulses[k] - sizes[3 * i] * xi[0], lower[i])
             change[0], impulses[k] = new - impulses[k], new
             _push(0, 1, begin, end, chunks, pieces, change, v)
             if sliding > 0:
-                _velocity_of_lanes(1, first_rolling, begin, end, chunks, pieces, v, own, xi)
+                _velocity_of_lanes(1, first_rolling, begin, end, chunks, pieces, v, block_free, xi)
                 bound = fixed[i] + friction[i] * impulses[partner[i]]
                 into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
                 _push(1, first_rolling, begin, end, chunks, pieces, change, v)
             if first_rolling < width:
-                _velocity_of_lanes(first_rolling, width, begin, end, chunks, pieces, v, own, xi)
+                _velocity_of_lanes(first_rolling, width, begin, end, chunks, pieces, v, block_free, xi)
                 bound = a_r[i] + mu_r[i] * new
                 into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
                 _push(first_rolling, width, begin, end, chunks, pieces, change, v)

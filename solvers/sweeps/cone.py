@@ -45,11 +45,11 @@ class ConeProblem:
         """Return ``problem`` in the variables x."""
         layout = problem.layout
         largest = layout.pad(problem.delassus_diagonal).max(axis=1, initial=0.0)
-        of_block = 1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0))
-        size = of_block[layout.contact_of_row]
+        block_size = 1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0))
+        size = block_size[layout.contact_of_row]
         scaling = sp.diags_array(size)
         matrix = sp.csr_array(scaling @ problem.delassus() @ scaling)
-        return ConeProblem(layout, matrix, size * problem.free_velocity, layout.fixed_bound / of_block, size)
+        return ConeProblem(layout, matrix, size * problem.free_velocity, layout.fixed_bound / block_size, size)
 
     def projected(self, x: FloatArray) -> FloatArray:
         """Return the projection of x, shape (n_rows,), onto the product of all K."""

@@ -266,12 +266,12 @@ def sweep_spatial(  # type: ignore[no-untyped-def]
         for i in range(uint64(len(friction))):
             k = three * i
             normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free, impulses)
-            own = uint64(9) * starts[i]
+            block_start = uint64(9) * starts[i]
             old = impulses[k]
             new = max(old - sizes[two * i] * normal, 0.0)
             impulses[k] = new
-            first += values[own + three] * (new - old)
-            second += values[own + uint64(6)] * (new - old)
+            first += values[block_start + three] * (new - old)
+            second += values[block_start + uint64(6)] * (new - old)
             bound = fixed[i] + friction[i] * impulses[partner[i]]
             x = impulses[k + one] - sizes[two * i + one] * first
             y = impulses[k + two] - sizes[two * i + one] * second

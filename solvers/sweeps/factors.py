@@ -65,19 +65,19 @@ class FactorSweep:
         free = layout.pad(problem.free_velocity).reshape(-1)
         if not layout.has_contacts_only:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
-            given: tuple[Any, ...] = (
+            arguments: tuple[Any, ...] = (
                 pieces.starts,
                 pieces.chunks,
                 pieces.values,
                 free,
                 *AnyLawArrays.of(layout, sizes),
             )
-            return FactorSweep(layout, pieces, sweep_factors, given, _product, factor, free, None, len(free))
+            return FactorSweep(layout, pieces, sweep_factors, arguments, _product, factor, free, None, len(free))
         laws = LawArrays.of(layout, sizes)
         coupling = own_coupling(pieces.starts, pieces.values).reshape(-1)
         if layout.width != 3 or not pieces.in_pairs:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
-            arguments: tuple[Any, ...] = (*factor, free, *laws, coupling)
+            arguments = (*factor, free, *laws, coupling)
             return FactorSweep(layout, pieces, _sweep, arguments, _product, factor, free, None, len(free))
         product = (_product_spatial_pairs, _pairs(pieces), free)
         batches = assign_batches(pieces)
@@ -105,11 +105,11 @@ class FactorIterates:
         layout, pieces = sweep.layout, sweep.pieces
         padded = layout.pad(start).reshape(-1)
         self._relative = np.empty_like(padded)
-        idle = pieces.length  # length of the idle chunk
-        self._both = np.zeros(sweep.n_impulses + pieces.n_chunks * pieces.length + idle)
-        self._impulses, self._scaled = self._both[: sweep.n_impulses], self._both[sweep.n_impulses :]
+        idle_length = pieces.length
+        self._state = np.zeros(sweep.n_impulses + pieces.n_chunks * pieces.length + idle_length)
+        self._impulses, self._scaled = self._state[: sweep.n_impulses], self._state[sweep.n_impulses :]
         self._impulses[slice(None) if sweep.slots is None else sweep.slots] = padded
-        self._scaled[:-idle] = pieces.times(padded)
+        self._scaled[:-idle_length] = pieces.times(padded)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
@@ -117,7 +117,7 @@ class FactorIterates:
 
     def linear_state(self) -> tuple[FloatArray, int]:
         """Return Λ followed by v, and the length of Λ; see ``LinearIterates``."""
-        return self._both, len(self._impulses)
+        return self._state, len(self._impulses)
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -126,9 +126,9 @@ class FactorIterates:
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
-        own = self._sweep
-        own.product(*own.factor, own.free, self._scaled, self._relative)
-        return own.layout.rows_of(self._relative)
+        data = self._sweep
+        data.product(*data.factor, data.free, self._scaled, self._relative)
+        return data.layout.rows_of(self._relative)
 
 
 class AnyLawIterates(FactorIterates):
@@ -157,8 +157,8 @@ class BatchIterates(FactorIterates, MomentumState):
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         arrays = (self._impulses, self._scaled, self._change, self._before)
-        own, momentum = self._sweep, (self._momentum, self._delay, self._sweeps)
-        self._present = own.kernel(count, *own.arguments, *arrays, *momentum, self._present)
+        data, momentum = self._sweep, (self._momentum, self._delay, self._sweeps)
+        self._beta = data.kernel(count, *data.arguments, *arrays, *momentum, self._beta)
         self._sweeps += count
 
 
@@ -205,12 +205,12 @@ def _product_spatial_pairs(axes, firsts, pieces, free, scaled, relative):  # typ
         k = three * i
         normal, first, second = free[k], free[k + one], free[k + two]
         for body in range(two):
-            begin, own = firsts[two * i + body], three * length * (two * i + body)
+            begin, piece_start = firsts[two * i + body], three * length * (two * i + body)
             for x in range(length):
                 v = scaled[begin + x]
-                normal += pieces[own + x] * v
-                first += pieces[own + length + x] * v
-                second += pieces[own + two * length + x] * v
+                normal += pieces[piece_start + x] * v
+                first += pieces[piece_start + length + x] * v
+                second += pieces[piece_start + two * length + x] * v
         relative[k], relative[k + one], relative[k + two] = normal, first, second
 
 
@@ -258,18 +258,18 @@ def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
     one, two, length = uint64(1), uint64(2), uint64(len(axes))
     for _ in range(count):
         for i in range(uint64(len(friction))):
-            k, own = uint64(3) * i, uint64(6) * length * i
+            k, piece_start = uint64(3) * i, uint64(6) * length * i
             a, b = firsts[two * i], firsts[two * i + one]
             normal, first, second = free[k], free[k + one], free[k + two]
             normal_a, first_a, second_a = 0.0, 0.0, 0.0
             for x in range(length):
-                va, vb, at = scaled[a + x], scaled[b + x], own + x
-                normal += pieces[at + uint64(3) * length] * vb
-                first += pieces[at + uint64(4) * length] * vb
-                second += pieces[at + uint64(5) * length] * vb
-                normal_a += pieces[at] * va
-                first_a += pieces[at + length] * va
-                second_a += pieces[at + two * length] * va
+                va, vb, entry = scaled[a + x], scaled[b + x], piece_start + x
+                normal += pieces[entry + uint64(3) * length] * vb
+                first += pieces[entry + uint64(4) * length] * vb
+                second += pieces[entry + uint64(5) * length] * vb
+                normal_a += pieces[entry] * va
+                first_a += pieces[entry + length] * va
+                second_a += pieces[entry + two * length] * va
             old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
             new = max(old_n - sizes[two * i] * (normal + normal_a), 0.0)
             impulses[k] = new
@@ -285,12 +285,12 @@ def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
             impulses[k + one], impulses[k + two] = t, s
             dt, ds = t - old_t, s - old_s
             for x in range(length):
-                at = own + x
+                entry = piece_start + x
                 scaled[a + x] = (
-                    scaled[a + x] + pieces[at] * dn + pieces[at + length] * dt + pieces[at + two * length] * ds
+                    scaled[a + x] + pieces[entry] * dn + pieces[entry + length] * dt + pieces[entry + two * length] * ds
                 )
             for x in range(length):
-                at = own + x + uint64(3) * length
+                entry = piece_start + x + uint64(3) * length
                 scaled[b + x] = (
-                    scaled[b + x] + pieces[at] * dn + pieces[at + length] * dt + pieces[at + two * length] * ds
+                    scaled[b + x] + pieces[entry] * dn + pieces[entry + length] * dt + pieces[entry + two * length] * ds
                 )

@@ -5,9 +5,9 @@ A contact with block G = [[G_NN, g_NTᵀ], [g_TN, G_TT]] and velocity q from all
     0 ≤ Λ_N ⊥ ξ_N ≥ 0,      −ξ_T ∈ N_D(Λ_T),  D = {‖x‖ ≤ a + μΛ_N},      ξ = GΛ + q.
 
 Its states are tried one after the other: open (friction with bound a), stick (ξ = 0), slip (ξ_N = 0, ‖Λ_T‖ = a + μΛ_N,
-Λ_T opposed to ξ_T). For a contact with an impulse, the order is stick, slip, open; a contact without one stays open if
-possible. The result depends on the current impulse only if several solutions exist (Painlevé). A rank-deficient block
-leaves part of Λ_T undetermined. This part stays unchanged, or changes as little as the cone allows.
+Λ_T opposed to ξ_T). For a contact with an impulse, the order is stick, slip, open; a contact without an impulse stays
+open if possible. The result depends on the current impulse only if several solutions exist (Painlevé). A rank-deficient
+block leaves part of Λ_T undetermined. This part stays unchanged, or changes as little as the cone allows.
 
 A singular block may have no solution, and rounding may exclude two neighbouring states. If no state is consistent, the
 result is the candidate with the smallest violation, as the judge measures it.
@@ -31,7 +31,8 @@ NO_JAM = 0.99
 """Value of (μ‖g_NT‖/G_NN)² below which friction cannot close a contact that opens without friction."""
 
 STRAY = 1e-13
-"""Largest velocity in the wrong direction, and excess over a bound, relative to their terms, due to rounding errors."""
+"""Velocities in the wrong direction and excesses over a bound count as rounding errors up to this share of their
+terms."""
 
 
 @njit(cache=True, inline="always")
@@ -70,19 +71,19 @@ def solve_planar(nn, nt, tn, tt, qn, qt, mu, a, old_n, old_t):  # type: ignore[n
     # stick: s Λ_T + r = 0, Λ_N = n0 − h Λ_T
     n0, h = -qn / nn, nt / nn
     s, r = tt - tn * h, qt + tn * n0
-    speed = STRAY * (abs(qt) + abs(tn * n0))
+    rounding = STRAY * (abs(qt) + abs(tn * n0))
     if abs(s) > SINGULAR * tt:
         t = -r / s
         n = n0 - h * t
         if n >= 0.0 and abs(t) <= a + mu * n:
             return n, t
-    elif abs(r) <= speed:  # any Λ_T within its bounds
-        t, fits = _free_tangent(n0, h, mu, a, old_t)
-        if fits:
+    elif abs(r) <= rounding:  # any Λ_T within its bounds
+        t, is_consistent = _free_tangent(n0, h, mu, a, old_t)
+        if is_consistent:
             return n0 - h * t, t
     # slip at either bound, the current one first
     best_n, best_t = 0.0, open_t
-    least = planar_violation(nn, nt, tn, tt, qn, qt, mu, a, 0.0, open_t)
+    min_violation = planar_violation(nn, nt, tn, tt, qn, qt, mu, a, 0.0, open_t)
     side = 1.0 if old_t >= 0.0 else -1.0
     for _ in range(2):
         denominator = 1.0 + side * mu * h
@@ -93,15 +94,15 @@ def solve_planar(nn, nt, tn, tt, qn, qt, mu, a, old_n, old_t):  # type: ignore[n
                 if side * (s * t + r) <= 0.0:
                     return n, t
                 violation = planar_violation(nn, nt, tn, tt, qn, qt, mu, a, n, t)
-                if violation < least:
-                    best_n, best_t, least = n, t, violation
+                if violation < min_violation:
+                    best_n, best_t, min_violation = n, t, violation
         side = -side
     if gap >= 0.0:
         return 0.0, open_t
-    held_n = max(n0 - h * old_t, 0.0)
-    held_t = min(max(old_t, -a - mu * held_n), a + mu * held_n)
-    if planar_violation(nn, nt, tn, tt, qn, qt, mu, a, held_n, held_t) < least:
-        return held_n, held_t
+    current_n = max(n0 - h * old_t, 0.0)
+    current_t = min(max(old_t, -a - mu * current_n), a + mu * current_n)
+    if planar_violation(nn, nt, tn, tt, qn, qt, mu, a, current_n, current_t) < min_violation:
+        return current_n, current_t
     return best_n, best_t
 
 
@@ -163,9 +164,9 @@ def solve_usual_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2):  # type: ign
         return n, t1, t2, True
     c0, c1, c2, c3, c4 = slip_polynomial(s11, s12, s21, s22, r1, r2, mu * h1, mu * h2, a + mu * n0)
     x, y = initial_direction(old_1, old_2, r1, r2)
-    x, y, arrived = refine_direction(c0, c1, c2, c3, c4, x, y)
-    n, t1, t2, wrong = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, x, y)
-    return n, t1, t2, arrived and wrong <= 0.0
+    x, y, converged = refine_direction(c0, c1, c2, c3, c4, x, y)
+    n, t1, t2, slip_violation = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, x, y)
+    return n, t1, t2, converged and slip_violation <= 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -178,38 +179,40 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
     """
     nn, scale = g[0], max(g[4], g[8])
     if nn <= 0.0:
-        t1, t2 = _alone(g, q1, q2, a, scale, old_1, old_2, work)
+        t1, t2 = _friction_alone(g, q1, q2, a, scale, old_1, old_2, work)
         return 0.0, t1, t2
     open_1, open_2 = 0.0, 0.0
     if old_n <= 0.0:
         if a > 0.0:
-            open_1, open_2 = _alone(g, q1, q2, a, scale, old_1, old_2, work)
+            open_1, open_2 = _friction_alone(g, q1, q2, a, scale, old_1, old_2, work)
         if qn + g[1] * open_1 + g[2] * open_2 >= 0.0:
             return 0.0, open_1, open_2
     n0, h1, h2 = -qn / nn, g[1] / nn, g[2] / nn
     s11, s12, s21, s22 = g[4] - g[3] * h1, g[5] - g[3] * h2, g[7] - g[6] * h1, g[8] - g[6] * h2
     r1, r2 = q1 + g[3] * n0, q2 + g[6] * n0
-    noise = STRAY * max(abs(q1) + abs(g[3] * n0), abs(q2) + abs(g[6] * n0))
-    n, t1, t2, fits = _on_disc(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, old_2, work)
-    if fits:
+    rounding = STRAY * max(abs(q1) + abs(g[3] * n0), abs(q2) + abs(g[6] * n0))
+    n, t1, t2, is_consistent = _on_disc(
+        s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, rounding, old_1, old_2, work
+    )
+    if is_consistent:
         return n, t1, t2
     if old_n > 0.0:
         if a > 0.0:
-            open_1, open_2 = _alone(g, q1, q2, a, scale, old_1, old_2, work)
+            open_1, open_2 = _friction_alone(g, q1, q2, a, scale, old_1, old_2, work)
         if qn + g[1] * open_1 + g[2] * open_2 >= 0.0:
             return 0.0, open_1, open_2
     # no state is consistent: choose the smallest violation among slip, open, and the current friction
-    least = spatial_violation(g, qn, q1, q2, mu, a, 0.0, open_1, open_2)
-    held_n = max(n0 - h1 * old_1 - h2 * old_2, 0.0)
-    bound, length = a + mu * held_n, np.sqrt(old_1 * old_1 + old_2 * old_2)
+    min_violation = spatial_violation(g, qn, q1, q2, mu, a, 0.0, open_1, open_2)
+    current_n = max(n0 - h1 * old_1 - h2 * old_2, 0.0)
+    bound, length = a + mu * current_n, np.sqrt(old_1 * old_1 + old_2 * old_2)
     shrink = bound / length if length > bound else 1.0
-    held = spatial_violation(g, qn, q1, q2, mu, a, held_n, old_1 * shrink, old_2 * shrink)
+    current_violation = spatial_violation(g, qn, q1, q2, mu, a, current_n, old_1 * shrink, old_2 * shrink)
     if n >= 0.0:
-        n, t1, t2, slip = _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2)
-        if slip < min(least, held):
+        n, t1, t2, slip_violation = _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2)
+        if slip_violation < min(min_violation, current_violation):
             return n, t1, t2
-    if held < least:
-        return held_n, old_1 * shrink, old_2 * shrink
+    if current_violation < min_violation:
+        return current_n, old_1 * shrink, old_2 * shrink
     return 0.0, open_1, open_2
 
 
@@ -220,7 +223,7 @@ def _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyped-d
     Where 1 + μhᵀt nearly vanishes, a contact jams: its impulses are large, and rounding errors of Λ_N = n0 − hᵀΛ_T make
     them inconsistent.
     """
-    least = spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2)
+    min_violation = spatial_violation(g, qn, q1, q2, mu, a, n, t1, t2)
     for _ in range(REFINEMENTS):
         length = np.sqrt(t1 * t1 + t2 * t2)
         u, v, bound = t1 / length, t2 / length, a + mu * n
@@ -238,47 +241,49 @@ def _slip_refined(g, qn, q1, q2, mu, a, n, t1, t2):  # type: ignore[no-untyped-d
         new_bound = a + mu * new_n
         new_1, new_2 = new_bound * (u * cosine - v * sine), new_bound * (v * cosine + u * sine)
         violation = spatial_violation(g, qn, q1, q2, mu, a, new_n, new_1, new_2)
-        if not (new_n >= 0.0 and violation < least):
+        if not (new_n >= 0.0 and violation < min_violation):
             break
-        n, t1, t2, least = new_n, new_1, new_2, violation
-    return n, t1, t2, least
+        n, t1, t2, min_violation = new_n, new_1, new_2, violation
+    return n, t1, t2, min_violation
 
 
 @njit(cache=True, error_model="numpy")
-def _alone(g, q1, q2, a, scale, old_1, old_2, work):  # type: ignore[no-untyped-def]
+def _friction_alone(g, q1, q2, a, scale, old_1, old_2, work):  # type: ignore[no-untyped-def]
     """Return Λ_T within the bound a for Λ_N = 0."""
-    own = (g[4], g[5], g[7], g[8], q1, q2, 0.0, 0.0, 0.0, 0.0, a, scale, 0.0)
-    _, t1, t2, _ = _on_disc(*own, old_1, old_2, work)
+    arguments = (g[4], g[5], g[7], g[8], q1, q2, 0.0, 0.0, 0.0, 0.0, a, scale, 0.0)
+    _, t1, t2, _ = _on_disc(*arguments, old_1, old_2, work)
     return t1, t2
 
 
 @njit(cache=True, error_model="numpy")
 def _on_disc(  # type: ignore[no-untyped-def]
-    s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, old_2, work
+    s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, rounding, old_1, old_2, work
 ):
     """Return Λ in stick or slip, for ξ_T = S Λ_T + r and Λ_N = n0 − hᵀΛ_T, and whether it is consistent."""
-    t1, t2, fits = _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, old_2)
-    if fits:
+    t1, t2, is_consistent = _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, rounding, old_1, old_2)
+    if is_consistent:
         return n0 - h1 * t1 - h2 * t2, t1, t2, True
     b0 = a + mu * n0
     c0, c1, c2, c3, c4 = slip_polynomial(s11, s12, s21, s22, r1, r2, mu * h1, mu * h2, b0)
     x, y = initial_direction(old_1, old_2, r1, r2)
-    u, v, arrived = refine_direction(c0, c1, c2, c3, c4, x, y)
-    if arrived:
-        n, t1, t2, wrong = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v)
-        if wrong <= 0.0:
+    u, v, converged = refine_direction(c0, c1, c2, c3, c4, x, y)
+    if converged:
+        n, t1, t2, slip_violation = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v)
+        if slip_violation <= 0.0:
             return n, t1, t2, True
     count = slip_directions(c0, c1, c2, c3, c4, work)
-    best_n, best_1, best_2, nearest, found = -1.0, 0.0, 0.0, -2.0, False
-    least = np.inf
+    best_n, best_1, best_2, nearest, has_consistent = -1.0, 0.0, 0.0, -2.0, False
+    min_violation = np.inf
     for k in range(count):
-        u, v, arrived = refine_direction(c0, c1, c2, c3, c4, work[2 * k], work[2 * k + 1])
-        n, t1, t2, wrong = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v)
-        fits = arrived and wrong <= 0.0
-        if (fits and (not found or u * x + v * y > nearest)) or (not found and wrong < least):
-            best_n, best_1, best_2, nearest, least = n, t1, t2, u * x + v * y, wrong
-            found = found or fits
-    return best_n, best_1, best_2, found
+        u, v, converged = refine_direction(c0, c1, c2, c3, c4, work[2 * k], work[2 * k + 1])
+        n, t1, t2, slip_violation = _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v)
+        is_consistent = converged and slip_violation <= 0.0
+        if (is_consistent and (not has_consistent or u * x + v * y > nearest)) or (
+            not has_consistent and slip_violation < min_violation
+        ):
+            best_n, best_1, best_2, nearest, min_violation = n, t1, t2, u * x + v * y, slip_violation
+            has_consistent = has_consistent or is_consistent
+    return best_n, best_1, best_2, has_consistent
 
 
 @njit(cache=True, error_model="numpy")
@@ -300,13 +305,13 @@ def _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v):  # type: ignore[
 
 
 @njit(cache=True, error_model="numpy")
-def _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, noise, old_1, old_2):  # type: ignore[no-untyped-def]
+def _stick(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, rounding, old_1, old_2):  # type: ignore[no-untyped-def]
     """Return Λ_T with S Λ_T + r = 0, and whether there is one with Λ_N ≥ 0 and ‖Λ_T‖ ≤ a + μΛ_N."""
     size = max(max(abs(s11), abs(s12)), max(abs(s21), abs(s22)))
     determinant = s11 * s22 - s12 * s21
     t1, t2 = old_1, old_2
     if size <= SINGULAR * scale:  # friction impulses cause no velocity
-        if max(abs(r1), abs(r2)) > noise:
+        if max(abs(r1), abs(r2)) > rounding:
             return 0.0, 0.0, False
         if n0 < 0.0:
             return 0.0, 0.0, False
@@ -334,13 +339,13 @@ def _two_equations(s11, s12, s21, s22, r1, r2):  # type: ignore[no-untyped-def]
     """
     if max(abs(s21), abs(s22)) > max(abs(s11), abs(s12)):
         s11, s12, r1, s21, s22, r2 = s21, s22, r2, s11, s12, r1
-    turned = abs(s12) > abs(s11)
-    if turned:
+    is_swapped = abs(s12) > abs(s11)
+    if is_swapped:
         s11, s12, s21, s22 = s12, s11, s22, s21
     factor = s21 / s11
     y = -(r2 - factor * r1) / (s22 - factor * s12)
     x = -(r1 + s12 * y) / s11
-    return (y, x) if turned else (x, y)
+    return (y, x) if is_swapped else (x, y)
 
 
 @njit(cache=True, error_model="numpy")

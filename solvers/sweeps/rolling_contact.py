@@ -38,8 +38,8 @@ PIVOT = 1e-13
 
 
 @njit(cache=True, error_model="numpy")
-def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, held):  # type: ignore[no-untyped-def]
-    """Replace the impulse ``held`` of a contact [N s], shape (d,), by the solution.
+def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, impulse):  # type: ignore[no-untyped-def]
+    """Replace the current ``impulse`` of a contact [N s], shape (d,), by the solution.
 
     ``block`` is G [1/kg], shape (d, d), and ``q`` is the velocity without the contact's own impulse [m/s], shape (d,).
     The lanes are N, then ``sliding`` lanes of T, then R with impulses [N m s] and angular velocities [rad/s]. ``a``
@@ -54,7 +54,7 @@ def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, held):  # type: ignore[no
     g, free, x = np.empty((d, d)), np.empty(d), np.empty(d)
     for k in range(d):
         unit = length if k >= first else 1.0
-        free[k], x[k] = unit * q[k], held[k] / unit
+        free[k], x[k] = unit * q[k], impulse[k] / unit
         for j in range(d):
             g[k, j] = unit * block[k, j] * (length if j >= first else 1.0)
     laws = (mu, a, mu_r / length, a_r / length)
@@ -63,7 +63,7 @@ def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, held):  # type: ignore[no
     else:
         x[:] = 0.0
     for k in range(d):
-        held[k] = x[k] * (length if k >= first else 1.0)
+        impulse[k] = x[k] * (length if k >= first else 1.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -78,36 +78,36 @@ def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
     system = np.empty((d, d + 1))
     _project(sliding, laws, x)
     best[:] = x
-    least = _violation(g, q, sliding, laws, alpha, x, xi)
+    best_violation = _violation(g, q, sliding, laws, alpha, x, xi)
     if x[0] <= 0.0 and g[0, 0] > 0.0:
         x[0] = max(-q[0] / g[0, 0], 0.0)
     for attempt in range(MAX_STARTS):
         if attempt > 0:
             x[:] = best
             _sweep(SWEEPS, g, q, sliding, laws, alpha, x, xi, trial)
-        present = _violation(g, q, sliding, laws, alpha, x, xi)
+        violation = _violation(g, q, sliding, laws, alpha, x, xi)
         for _ in range(MAX_NEWTON_STEPS):
-            if present < least:
-                best[:], least = x, present
-            if least <= ROUNDING * speed:
+            if violation < best_violation:
+                best[:], best_violation = x, violation
+            if best_violation <= ROUNDING * speed:
                 break
             _linearise(g, q, sliding, laws, alpha, x, xi, system)
             if not _solve_linear_system(system):
                 break
-            part, before = 1.0, present
+            fraction, before = 1.0, violation
             while True:
                 for k in range(d):
-                    trial[k] = x[k] + part * system[k, d]
-                present = _violation(g, q, sliding, laws, alpha, trial, xi)
-                if present < (1.0 - 1e-4 * part) * before or part <= MIN_STEP:
+                    trial[k] = x[k] + fraction * system[k, d]
+                violation = _violation(g, q, sliding, laws, alpha, trial, xi)
+                if violation < (1.0 - 1e-4 * fraction) * before or fraction <= MIN_STEP:
                     break
-                part *= 0.5
+                fraction *= 0.5
             x[:] = trial
         _project(sliding, laws, x)
-        present = _violation(g, q, sliding, laws, alpha, x, xi)
-        if present < least:
-            best[:], least = x, present
-        if least <= ROUNDING * speed:
+        violation = _violation(g, q, sliding, laws, alpha, x, xi)
+        if violation < best_violation:
+            best[:], best_violation = x, violation
+        if best_violation <= ROUNDING * speed:
             break
     x[:] = best
     _project(sliding, laws, x)
@@ -222,9 +222,9 @@ def _linearise(g, q, sliding, laws, alpha, x, xi, system):  # type: ignore[no-un
             if is_closed:
                 system[k, 0] -= alpha[law] * mu * along
             for j in range(begin, end):
-                same = 1.0 if j == k else 0.0
-                across = kappa * (same - along * (x[j] - xi[j] / alpha[law]) / max(length, 1e-300))
-                system[k, j] += alpha[law] * (same - across)
+                identity = 1.0 if j == k else 0.0
+                across = kappa * (identity - along * (x[j] - xi[j] / alpha[law]) / max(length, 1e-300))
+                system[k, j] += alpha[law] * (identity - across)
                 for m in range(d):
                     system[k, m] += across * g[j, m]
 

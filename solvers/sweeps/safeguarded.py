@@ -2,8 +2,8 @@
 
 A slipping contact converges under SORprox only if |1 − ω(1 + μ|G_NT|/G_NN)| < 1. Contacts of high friction can cycle
 even if each is solved exactly, and it is unknown beforehand which contacts will slip. All contacts therefore begin with
-the step of the method. At intervals, the last increment of each contact, d = Λ^ν − Λ^(ν−1), is compared with the one
-before, d'. If they are opposed and do not shrink, in the norm of √α Λ (the contact's own scale of energy),
+the step of the method. At intervals, the last increment of each contact, d = Λ^ν − Λ^(ν−1), is compared with the
+previous one, d'. If they are opposed and do not shrink, in the norm of √α Λ (the contact's own scale of energy),
 
     dᵀd' < −OPPOSED ‖d‖ ‖d'‖      and      ‖d‖ > SHRINKS ‖d'‖,
 
@@ -22,7 +22,7 @@ from ...problems.contact.blocks import BlockLayout
 from ..iteration.loop import Iterates, WrappedIterates
 
 INTERVALS = (19, 37, 73)
-"""Numbers of sweeps between successive comparisons after a reduction: enough for it to take effect. They are prime, so
+"""Numbers of sweeps between successive comparisons after a reduction, enough for it to take effect. They are prime, so
 that comparisons meet a cycle of several iterates in different phases."""
 
 OPPOSED = 0.5
@@ -74,29 +74,29 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
         self._fraction = np.empty(iterates.layout.n_blocks)  # step of each contact, relative to its initial one
         self._fraction.fill(1.0)
         self._before, self._previous = np.empty((2, len(iterates.padded)))
-        self._since_check, self._checks_since_cut, self._interval = 0, 0, INTERVALS[0]
+        self._since_check, self._checks_since_reduction, self._interval = 0, 0, INTERVALS[0]
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps; compare increments at intervals and reduce steps where they oscillate."""
         newest = self.padded
         while count > 0:
-            left = self._interval - self._since_check
-            if left == 2:
+            sweeps_left = self._interval - self._since_check
+            if sweeps_left == 2:
                 self._before[:] = newest
-            elif left == 1:
+            elif sweeps_left == 1:
                 self._previous[:] = newest
-            step = min(count, left - 2 if left > 2 else 1)
+            step = min(count, sweeps_left - 2 if sweeps_left > 2 else 1)
             self._iterates.sweep(step)
             self._since_check += step
             count -= step
-            if step == left:
-                self._since_check, self._checks_since_cut = 0, self._checks_since_cut + 1
+            if step == sweeps_left:
+                self._since_check, self._checks_since_reduction = 0, self._checks_since_reduction + 1
                 layout, sizes = self._iterates.layout, self._iterates.step_sizes
                 lanes, sizes = (layout.width, layout.sliding, sizes.shape[1]), sizes.reshape(-1)
                 if reduce_opposed_steps(*lanes, self._before, self._previous, newest, sizes, self._fraction):
-                    self._checks_since_cut = 0
+                    self._checks_since_reduction = 0
                     self._iterates.scale_steps(self._fraction)
-                self._interval = INTERVALS[min(self._checks_since_cut, len(INTERVALS) - 1)]
+                self._interval = INTERVALS[min(self._checks_since_reduction, len(INTERVALS) - 1)]
 
     def note_jump(self) -> None:
         """Postpone the comparison, if necessary, so that no increment spans the jump of ``padded``."""
@@ -111,9 +111,9 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
 @interpretable
 @njit(cache=True, error_model="numpy")
 def reduce_opposed_steps(width, sliding, groups, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
-    """Reduce the step of each contact whose increments are opposed and do not shrink; return whether any was."""
+    """Reduce the step of each contact whose increments are opposed and do not shrink; return whether there is one."""
     lanes, groups = uint64(width), uint64(groups)
-    was_cut = False
+    is_reduced = False
     for i in range(uint64(len(fraction))):
         k = lanes * i
         product, older, newer, impulse = 0.0, 0.0, 0.0, 0.0
@@ -126,8 +126,8 @@ def reduce_opposed_steps(width, sliding, groups, before, previous, newest, step_
             older += weight * a * a
             newer += weight * b * b
             impulse += weight * (newest[k + lane] * newest[k + lane])
-        opposed = product < -OPPOSED * np.sqrt(older * newer)
-        if opposed and newer > SHRINKS**2 * older and newer > ROUNDING**2 * impulse:
+        is_opposed = product < -OPPOSED * np.sqrt(older * newer)
+        if is_opposed and newer > SHRINKS**2 * older and newer > ROUNDING**2 * impulse:
             fraction[i] = max(STEP_REDUCTION * fraction[i], MIN_FRACTION)
-            was_cut = True
-    return was_cut
+            is_reduced = True
+    return is_reduced

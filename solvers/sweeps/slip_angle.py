@@ -138,8 +138,8 @@ def _zeros_between(p0, p1, p2, p3, p4, bound, ends, zeros):  # type: ignore[no-u
     n, low = 0, -bound
     for k in range(len(ends) + 1):
         high = ends[k] if k < len(ends) else bound
-        found, x = _zero_between(p0, p1, p2, p3, p4, low, high)
-        if found:
+        has_zero, x = _zero_between(p0, p1, p2, p3, p4, low, high)
+        if has_zero:
             zeros[n] = x
             n += 1
         low = high

@@ -55,13 +55,14 @@ def diagonal_step_sizes(problem: ContactProblem, relaxation: float) -> FloatArra
     return _per_law(problem, problem.delassus_diagonal, relaxation)
 
 
-def _per_law(problem: ContactProblem, of_row: FloatArray, relaxation: float) -> FloatArray:
+def _per_law(problem: ContactProblem, row_values: FloatArray, relaxation: float) -> FloatArray:
+    """Return ω over the largest of ``row_values`` [1/kg] of each law, for the lanes of each block [kg]."""
     layout = problem.layout
     if not layout.has_contacts_only:
-        parts = np.split(layout.pad(of_row), [1, 1 + layout.sliding], axis=1)
+        parts = np.split(layout.pad(row_values), [1, 1 + layout.sliding], axis=1)
         return inverse(np.column_stack([part.max(axis=1, initial=0.0) for part in parts]), relaxation)
     sizes = np.zeros((layout.n_blocks, 2))
-    write_step_sizes(layout.slot, layout.width, of_row, relaxation, sizes)
+    write_step_sizes(layout.slot, layout.width, row_values, relaxation, sizes)
     return sizes
 
 
@@ -71,10 +72,10 @@ def inverse(curvature: FloatArray, relaxation: float) -> FloatArray:
 
 
 def lane_weights(layout: BlockLayout, sizes: FloatArray) -> FloatArray:
-    """Return 1/√r of each lane, padded and flat, or 0 if r is 0. It is √α up to a factor, for norms of impulses."""
-    of_group = np.sqrt(inverse(sizes, 1.0))
+    """Return 1/√r of each lane, padded and flat, or 0 if r is 0; norms of impulses are weighted with it."""
+    group_weights = np.sqrt(inverse(sizes, 1.0))
     widths = (1, layout.sliding, layout.rolling)[: sizes.shape[1]]
-    weights: FloatArray = np.repeat(of_group, widths, axis=1).reshape(-1)
+    weights: FloatArray = np.repeat(group_weights, widths, axis=1).reshape(-1)
     return weights
 
 
@@ -87,8 +88,8 @@ def row_sums_of_blocks(problem: ContactProblem) -> FloatArray:
         length = row_lengths(problem)
         return np.asarray(abs(problem.delassus()) @ length / length)
     blocks = problem.delassus_blocks()
-    within = np.abs(blocks.values).sum(axis=2)
-    sums = np.add.reduceat(within, blocks.starts[:-1], axis=0) if len(within) else within
+    block_sums = np.abs(blocks.values).sum(axis=2)
+    sums = np.add.reduceat(block_sums, blocks.starts[:-1], axis=0) if len(block_sums) else block_sums
     return problem.layout.unpad(np.ascontiguousarray(sums))
 
 
@@ -107,11 +108,11 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def write_step_sizes(slot, width, of_row, relaxation, sizes):  # type: ignore[no-untyped-def]
-    """Write ω over the largest number in ``of_row`` of each law's rows, or 0 if that is 0."""
+def write_step_sizes(slot, width, row_values, relaxation, sizes):  # type: ignore[no-untyped-def]
+    """Write ω over the largest number in ``row_values`` of each law's rows, or 0 if that is 0."""
     for row in range(len(slot)):
         block, lane = slot[row] // width, min(slot[row] % width, 1)
-        sizes[block, lane] = max(sizes[block, lane], of_row[row])
+        sizes[block, lane] = max(sizes[block, lane], row_values[row])
     for block in range(len(sizes)):
         for lane in range(2):
             sizes[block, lane] = relaxation / sizes[block, lane] if sizes[block, lane] > 0.0 else 0.0
@@ -119,6 +120,7 @@ def write_step_sizes(slot, width, of_row, relaxation, sizes):  # type: ignore[no
 
 @njit(cache=True)
 def _row_sums(row_ptr, row_dof, row_value, dof_ptr, dof_row, dof_value, n_rows):  # type: ignore[no-untyped-def]
+    """Return Σ_k |G_hk| of every row h from W̃ in compressed columns and in compressed rows."""
     sums = np.zeros(n_rows)
     entries = np.zeros(n_rows)  # the current row of G, dense
     touched = np.empty(n_rows, dtype=np.int64)

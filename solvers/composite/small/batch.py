@@ -38,7 +38,10 @@ def solve_over_matrices(  # type: ignore[no-untyped-def]
     iterations,
     residuals,
 ):
-    """Solve the problems ``first`` to ``last`` − 1, given by G in CSR; write the results of each."""
+    """Solve the problems ``first`` to ``last`` − 1, given by G in CSR.
+
+    Write Λ [N s], the outcome, the number of sweeps and, for a solved problem, the judge's residual of each.
+    """
     for k in range(first, last):
         begin, end = rows[k], rows[k + 1]
         starts = indptr[begin + k : end + k + 1]
@@ -78,9 +81,10 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
     iterations,
     residuals,
 ):
-    """Solve the problems ``first`` to ``last`` − 1, given by W in CSC and a diagonal M⁻¹; write the results of each.
+    """Solve the problems ``first`` to ``last`` − 1, given by W in CSC and a diagonal M⁻¹.
 
-    The root of M⁻¹ of problem k has the entries d_k to d_{k+1} − 1, with d = ``dofs``.
+    Write the same results as ``solve_over_matrices``. The root of M⁻¹ of problem k has the entries d_k to d_{k+1} − 1,
+    with d = ``dofs``.
     """
     for k in range(first, last):
         begin, end, dof, last_dof = rows[k], rows[k + 1], dofs[k], dofs[k + 1]
@@ -102,9 +106,9 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
 def _laws_of(laws, k):  # type: ignore[no-untyped-def]
     """Return the arguments of preparation and sweeps for laws number ``k``."""
     (
-        of_law,
-        of_row,
-        of_block,
+        law_starts,
+        row_starts,
+        block_starts,
         sets,
         row_count,
         is_rolling,
@@ -119,13 +123,13 @@ def _laws_of(laws, k):  # type: ignore[no-untyped-def]
         mu,
         bounds,
     ) = laws
-    a, b = of_law[k], of_law[k + 1]
-    c, d = of_row[k], of_row[k + 1]
-    e, f = of_block[k], of_block[k + 1]
+    a, b = law_starts[k], law_starts[k + 1]
+    c, d = row_starts[k], row_starts[k + 1]
+    e, f = block_starts[k], block_starts[k + 1]
     kinds, counts, firsts, partners = sets[a:b], row_count[a:b], first_row[a:b], partner_law[a:b]
     preparation = (kinds, counts, is_rolling[a:b], firsts, partners, slot[c:d], contacts[c:d], partner[e:f])
-    of_blocks = (friction[e:f], fixed[e:f], partner_lanes[e:f])
-    return preparation, (*of_blocks, kinds, counts, firsts, mu[a:b], bounds[a:b], partners)
+    block_arrays = (friction[e:f], fixed[e:f], partner_lanes[e:f])
+    return preparation, (*block_arrays, kinds, counts, firsts, mu[a:b], bounds[a:b], partners)
 
 
 @njit(cache=True, error_model="numpy")
@@ -152,8 +156,8 @@ def _judge(prepared, laws, impulses, velocity, rounding):  # type: ignore[no-unt
     _, _, _, numbers, _ = cut_store(store, len(lanes) * width * width, len(impulses), len(friction), len(sets))
     largest = write_squared_violations(sets, row_count, first_row, mu, bounds, partner_law, numbers, impulses, velocity)
     for law in range(len(sets)):
-        hidden = 0.0
+        law_rounding = 0.0
         for row in range(first_row[law], first_row[law] + row_count[law]):
-            hidden += rounding[row]
-        largest = max(largest, numbers[3, law] * numbers[1, law] * hidden)
+            law_rounding += rounding[row]
+        largest = max(largest, numbers[3, law] * numbers[1, law] * law_rounding)
     return largest / scale

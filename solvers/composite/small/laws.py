@@ -28,8 +28,8 @@ class LawArguments(NamedTuple):
     @staticmethod
     def of(laws: Laws) -> "LawArguments | None":
         """Return the arguments, or None unless the laws form contacts with equal numbers of rows."""
-        given = laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound
-        are_equal_contacts, *arrays = _lay_out_contacts(*given)
+        law_arrays = laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound
+        are_equal_contacts, *arrays = _lay_out_contacts(*law_arrays)
         if not are_equal_contacts:
             return None
         sets, row_count, is_rolling, slot, contact_of_row, partner, friction, fixed, partner_lanes = arrays
@@ -45,10 +45,10 @@ _ARGUMENTS: WeakKeyDictionary[Laws, LawArguments | None] = WeakKeyDictionary()
 
 def law_arguments(laws: Laws) -> LawArguments | None:
     """Return the arguments for ``laws``; repeated calls return the same object."""
-    found = _ARGUMENTS.get(laws)
-    if found is None and laws not in _ARGUMENTS:
-        found = _ARGUMENTS[laws] = LawArguments.of(laws)
-    return found
+    arguments = _ARGUMENTS.get(laws)
+    if arguments is None and laws not in _ARGUMENTS:
+        arguments = _ARGUMENTS[laws] = LawArguments.of(laws)
+    return arguments
 
 
 @interpretable

@@ -14,7 +14,7 @@ from ...sweeps.step_size import write_step_sizes
 from ..sweep_selection import FACTORS_DENSITY_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
 
 NEEDS_OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
-"""Kinds of coupling: contacts coupled so that other sweeps are faster, uncoupled contacts, other coupled contacts."""
+"""Kinds of coupling: coupled contacts on which other sweeps are faster, uncoupled contacts, other coupled contacts."""
 
 ROWS_OF_NUMBERS = 5
 """Number of rows of the array from which the residual is computed, as in ``Residual``."""
@@ -87,6 +87,7 @@ def prepare_over_pieces(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner):  # type: ignore[no-untyped-def]
+    """See ``prepare_over_pieces``."""
     coupling, component = UNCOUPLED, np.zeros(len(partner), dtype=np.int64)
     if len(partner) > 1:
         component = components_over_pieces(starts, chunks, values, n_chunks, partner)
@@ -118,8 +119,9 @@ def _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot)
 
     Returns:
         The kind of coupling, the index of a law that no impulse satisfies or −1, the scale of the residual [m/s], the
-        first stored block of each block row, the first lane of each stored block, and all numbers in one array: the
-        blocks, the step sizes, the diagonal of G, the numbers of the residual, and work space for the sweeps.
+        first stored block of each block row, the first lane of the column of each stored block, and all numbers in one
+            array: the blocks, the step sizes, the diagonal of G, the numbers of the residual, and work space for the
+            sweeps.
     """
     starts, columns, values = blocks
     sets, row_count, is_rolling, first_row, partner_law = laws
@@ -136,6 +138,6 @@ def _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot)
     store[offset : offset + n_rows] = diagonal
     offset += n_rows
     numbers = store[offset : offset + n_numbers].reshape(ROWS_OF_NUMBERS, n_laws)
-    given = (sets, row_count, is_rolling, first_row, partner_law)
-    stuck, scale = write_scales_and_ratios(*given, diagonal, free_velocity, component, slot, width, numbers)
+    law_arrays = (sets, row_count, is_rolling, first_row, partner_law)
+    stuck, scale = write_scales_and_ratios(*law_arrays, diagonal, free_velocity, component, slot, width, numbers)
     return coupling, stuck, scale, starts.view(np.uint64), (width * columns).astype(np.uint32), store

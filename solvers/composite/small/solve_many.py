@@ -136,7 +136,10 @@ class Batch(NamedTuple):
 
 
 def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator[Batch]:
-    """Yield up to two batches of small problems whose sweeps end in time, given by G, or by W and a diagonal M⁻¹."""
+    """Yield a batch of problems given by G and one of those given by W and a diagonal M⁻¹, unless they are empty.
+
+    They contain the small problems whose sweeps end within ``max_seconds`` [s].
+    """
     over_matrices, over_columns = _Members(), _Members()
     for index, problem in enumerate(problems):
         is_small = 0 < problem.n_rows <= MAX_SMALL_SIZE and longest_seconds(problem.n_rows) <= max_seconds
@@ -149,7 +152,7 @@ def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator
             over_columns.add(index, problem, laws)
     matrices: list[Any] = [problem.matrix for problem in over_matrices.problems]
     factors: list[Any] = [problem.factors for problem in over_columns.problems]
-    directions, inverse_masses = [each.directions for each in factors], [each.inverse_mass for each in factors]
+    directions, inverse_masses = [pair.directions for pair in factors], [pair.inverse_mass for pair in factors]
     inverses = [inverse.matrix for inverse in inverse_masses]
     _require_memory([*over_matrices.problems, *over_columns.problems], [*matrices, *directions, *inverses])
     if matrices:
@@ -163,7 +166,7 @@ def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator
 
 def _require_memory(problems: Sequence[ContactProblem], matrices: Sequence[Any]) -> None:
     """Raise ``InsufficientMemoryError`` if the available memory does not suffice for joined copies of all batches."""
-    matrix_bytes = sum(one.data.nbytes + one.indices.nbytes + one.indptr.nbytes for one in matrices)
+    matrix_bytes = sum(matrix.data.nbytes + matrix.indices.nbytes + matrix.indptr.nbytes for matrix in matrices)
     vector_bytes = 3 * sum(problem.free_velocity.nbytes for problem in problems)  # c, Λ, and Λ in the solutions
     purpose = f"solving {len(problems):,} problems in one call"
     require_memory(matrix_bytes + vector_bytes, purpose, "solve them in several calls")
@@ -198,20 +201,20 @@ class _Members:
     def _joined_laws(self) -> tuple[Any, ...]:
         """Return the laws in the form that the kernels of ``batch`` take."""
         laws = list(self._laws.values())
-        preparation = list(zip(*(each.preparation for each in laws), strict=True))
+        preparation = list(zip(*(arguments.preparation for arguments in laws), strict=True))
         sets, _, _, _, _, slot, _, partner = preparation  # arrays over laws, rows and contacts
         starts = [np.array([0, *map(int, accumulate(map(len, arrays)))]) for arrays in (sets, slot, partner)]
-        sweeps = zip(*(each.sweeps for each in laws), strict=True)
+        sweeps = zip(*(arguments.sweeps for arguments in laws), strict=True)
         friction, fixed, partner_lanes, _, _, _, law_friction, law_fixed, _ = sweeps
-        further = friction, fixed, partner_lanes, law_friction, law_fixed
-        return (*starts, *map(_joined, [*preparation, *further]))
+        sweep_arrays = friction, fixed, partner_lanes, law_friction, law_fixed
+        return (*starts, *map(_joined, [*preparation, *sweep_arrays]))
 
 
 def _joined(arrays: Sequence[Any]) -> Any:
     """Return the concatenated arrays, read-only if the first one is."""
-    whole = np.concatenate(arrays)
-    whole.setflags(write=arrays[0].flags.writeable)
-    return whole
+    joined_array = np.concatenate(arrays)
+    joined_array.setflags(write=arrays[0].flags.writeable)
+    return joined_array
 
 
 def _joined_matrices(matrices: list[Any]) -> tuple[Any, Any, Any]:

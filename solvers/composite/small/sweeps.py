@@ -1,8 +1,8 @@
 """Sweeps of a small problem from the first impulses to the outcome, in one kernel.
 
 Both kernels do what ``Robust`` does in an ordinary solve: they sweep, check the residual at the same iterations, and
-end when it reaches the tolerance. They stop without an outcome if ``Robust`` might act otherwise: if a window of sweeps
-gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may affect the residual.
+end when it reaches the tolerance. They stop without an outcome if ``Robust`` might act differently: if a window of
+sweeps gains no digit, the residual grows, iterates may repeat, a limit is reached, or rounding may affect the residual.
 """
 
 import numpy as np
@@ -38,11 +38,12 @@ SOLVED, CONTINUE, UNUSUAL = 1, 0, -1
 @njit(cache=True, error_model="numpy")
 def cut_store(store, n_values, n_rows, n_blocks, n_laws):  # type: ignore[no-untyped-def]
     """Return the parts of the array that ``preparation`` fills: blocks, step sizes, diagonal, residual, work space."""
-    a = n_values + 2 * n_blocks
-    b = a + n_rows
-    c = b + ROWS_OF_NUMBERS * n_laws
-    numbers = store[b:c].reshape(ROWS_OF_NUMBERS, n_laws)
-    return store[:n_values], store[n_values:a], store[a:b], numbers, store[c:].reshape(N_WORK, n_rows)
+    sizes_end = n_values + 2 * n_blocks
+    diagonal_end = sizes_end + n_rows
+    numbers_end = diagonal_end + ROWS_OF_NUMBERS * n_laws
+    values, sizes, diagonal = store[:n_values], store[n_values:sizes_end], store[sizes_end:diagonal_end]
+    numbers = store[diagonal_end:numbers_end].reshape(ROWS_OF_NUMBERS, n_laws)
+    return values, sizes, diagonal, numbers, store[numbers_end:].reshape(N_WORK, n_rows)
 
 
 @njit(cache=True, error_model="numpy")
@@ -75,7 +76,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
     scaled = work[4:6].reshape(-1)[: 2 * n_blocks]
     fraction[:] = 1.0
     scaled[:] = sizes
-    since_check, checks_since_cut, interval = 0, 0, FIRST_INTERVAL
+    since_check, checks_since_reduction, interval = 0, 0, FIRST_INTERVAL
     progress, iteration = _begin_progress(), np.int64(0)
     while True:
         _write_velocity(width, starts, lanes, values, free, impulses, velocity)
@@ -86,23 +87,23 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
         iteration += count
         while count > 0:
-            left = interval - since_check
-            if left == 2:
+            sweeps_left = interval - since_check
+            if sweeps_left == 2:
                 before[:] = impulses
-            elif left == 1:
+            elif sweeps_left == 1:
                 previous[:] = impulses
-            step = min(count, left - 2 if left > 2 else 1)
+            step = min(count, sweeps_left - 2 if sweeps_left > 2 else 1)
             _sweep(width, step, starts, lanes, values, free, scaled, friction, fixed, partner, impulses)
             since_check += step
             count -= step
-            if step == left:
-                since_check, checks_since_cut = 0, checks_since_cut + 1
+            if step == sweeps_left:
+                since_check, checks_since_reduction = 0, checks_since_reduction + 1
                 if reduce_opposed_steps(width, width - 1, 2, before, previous, impulses, sizes, fraction):
-                    checks_since_cut = 0
+                    checks_since_reduction = 0
                     for i in range(n_blocks):
                         scaled[2 * i] = sizes[2 * i] * fraction[i]
                         scaled[2 * i + 1] = sizes[2 * i + 1] * fraction[i]
-                interval = INTERVALS[min(checks_since_cut, LAST_INTERVAL)]
+                interval = INTERVALS[min(checks_since_reduction, LAST_INTERVAL)]
 
 
 @njit(cache=True, error_model="numpy")
@@ -151,35 +152,38 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _begin_progress():  # type: ignore[no-untyped-def]
     """Return the best and first residual, number of checks without progress, and start and residual of the window."""
-    none = np.int64(0)  # a literal would make numba compile ``_check`` once more
-    return np.inf, np.inf, none, none, np.inf
+    zero = np.int64(0)  # a literal would make numba compile ``_check`` once more
+    return np.inf, np.inf, zero, zero, np.inf
 
 
 @njit(cache=True, error_model="numpy")
 def _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity):  # type: ignore[no-untyped-def]
     """Return the result of a check by the criteria of ``Monitor`` and ``Window``, and the progress so far."""
-    best, first, unimproved, begin, before = progress
+    best, first, n_stale_checks, window_begin, window_residual = progress
     sets, row_count, first_row, mu, bounds, partner_law = laws
-    value = write_squared_violations(sets, row_count, first_row, mu, bounds, partner_law, numbers, impulses, velocity)
-    found = 0.0 if value == 0.0 else value / scale
-    if not found < np.inf:
+    violation = write_squared_violations(
+        sets, row_count, first_row, mu, bounds, partner_law, numbers, impulses, velocity
+    )
+    residual = 0.0 if violation == 0.0 else violation / scale
+    if not residual < np.inf:
         return UNUSUAL, progress
-    if found <= tolerance:
-        held = find_largest_held(row_count, first_row, numbers[3], numbers[1], diagonal, impulses)
-        return (SOLVED if RESOLUTION * held / scale <= tolerance else UNUSUAL), progress
+    if residual <= tolerance:
+        largest_term = find_largest_held(row_count, first_row, numbers[3], numbers[1], diagonal, impulses)
+        return (SOLVED if RESOLUTION * largest_term / scale <= tolerance else UNUSUAL), progress
     if iteration == 0:
-        first, before = max(found, 1.0), found
-    unimproved += 1
-    if found < best:
-        if found < RECORD_RATIO * best:
-            unimproved = 0
-        best = found
-    is_unusual = not found < DIVERGENCE_GROWTH * first
-    is_unusual |= unimproved >= CYCLE_PATIENCE or iteration >= MIN_PLATEAU_SWEEPS
-    if best <= 0.1 * before:
-        begin, before = iteration, best
-    is_unusual |= iteration - begin >= SHORT_WINDOW
-    return (UNUSUAL if is_unusual else CONTINUE), (best, first, unimproved, begin, before)
+        first, window_residual = max(residual, 1.0), residual
+    n_stale_checks += 1
+    if residual < best:
+        if residual < RECORD_RATIO * best:
+            n_stale_checks = 0
+        best = residual
+    is_unusual = not residual < DIVERGENCE_GROWTH * first
+    is_unusual |= n_stale_checks >= CYCLE_PATIENCE or iteration >= MIN_PLATEAU_SWEEPS
+    if best <= 0.1 * window_residual:
+        window_begin, window_residual = iteration, best
+    is_unusual |= iteration - window_begin >= SHORT_WINDOW
+    progress = best, first, n_stale_checks, window_begin, window_residual
+    return (UNUSUAL if is_unusual else CONTINUE), progress
 
 
 @njit(cache=True, error_model="numpy")
@@ -206,12 +210,12 @@ def _sweep(  # type: ignore[no-untyped-def]
 def _solve_blocks(  # type: ignore[no-untyped-def]
     width, count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
 ):
-    """Solve each contact ``count`` times; return whether all were in usual states."""
+    """Solve each contact ``count`` times; return whether all contacts were always in usual states."""
     if width == 3:
-        visited = solve_usual_spatial_blocks(
+        n_solved = solve_usual_spatial_blocks(
             count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
         )
-        return visited == count * len(friction)
+        return n_solved == count * len(friction)
     if width == 2:
         solve_planar_blocks(count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses)
     else:

@@ -38,32 +38,32 @@ class BlockLU:
         self, starts: IntArray, columns: IntArray, width: int, corrections: int = 0, max_columns: int = MAX_COLUMNS
     ) -> None:
         """Order a symmetric pattern in block CSR with a stored diagonal and blocks (width, width)."""
-        found = elimination(starts, columns, max_columns)
-        self._width, self._order = width, found.order
+        plan = elimination(starts, columns, max_columns)
+        self._width, self._order = width, plan.order
         self._fronts = (
-            found.nodes,
-            found.row_starts,
-            found.row_places,
-            found.child_starts,
-            found.children,
-            found.entry_starts,
-            found.entries,
-            found.entry_places,
-            found.factor_starts,
+            plan.nodes,
+            plan.row_starts,
+            plan.row_places,
+            plan.child_starts,
+            plan.children,
+            plan.entry_starts,
+            plan.entries,
+            plan.entry_places,
+            plan.factor_starts,
         )
-        self._triangles = found.nodes, found.row_starts, found.rows, found.factor_starts
-        heads = np.cumsum(np.append(0, np.diff(found.nodes) ** 2)) * width * width
-        n_numbers = (float(found.stack_size) + float(found.factor_starts[-1])) * width * width
+        self._triangles = plan.nodes, plan.row_starts, plan.rows, plan.factor_starts
+        heads = np.cumsum(np.append(0, np.diff(plan.nodes) ** 2)) * width * width
+        n_numbers = (float(plan.stack_size) + float(plan.factor_starts[-1])) * width * width
         require_memory(8.0 * (n_numbers + (heads[-1] if corrections else 0)), "triangular factors", REMEDY)
-        self._stack = np.empty(found.stack_size * width * width)
-        self._factors = np.empty(int(found.factor_starts[-1]) * width * width)
-        self._kept = corrections, heads, np.empty(int(heads[-1]) if corrections else 0)
-        self.flops = 2.0 * found.multiplications * width**3
+        self._stack = np.empty(plan.stack_size * width * width)
+        self._factors = np.empty(int(plan.factor_starts[-1]) * width * width)
+        self._correction_data = corrections, heads, np.empty(int(heads[-1]) if corrections else 0)
+        self.flops = 2.0 * plan.multiplications * width**3
 
     def factorise(self, blocks: FloatArray) -> bool:
         """Factorise the matrix with the stored blocks, shape (n_stored, width, width); False if it is singular."""
         try:
-            _factorise(self._width, *self._fronts, self._stack, blocks, self._factors, *self._kept)
+            _factorise(self._width, *self._fronts, self._stack, blocks, self._factors, *self._correction_data)
         except np.linalg.LinAlgError:
             return False
         return True
@@ -75,7 +75,9 @@ class BlockLU:
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return the solution for a right-hand side, shape (n · width,)."""
-        solution: FloatArray = _solve(self._width, *self._triangles, self._factors, *self._kept, self._order, right)
+        solution: FloatArray = _solve(
+            self._width, *self._triangles, self._factors, *self._correction_data, self._order, right
+        )
         return solution
 
 
@@ -84,8 +86,8 @@ def _determinant_sign(b, nodes, factor_starts, factors):  # type: ignore[no-unty
     """Return the product of the signs of det F₁₁⁻¹ over all fronts."""
     sign = 1.0
     for s in range(len(nodes) - 1):
-        p, at = b * (nodes[s + 1] - nodes[s]), b * b * factor_starts[s]
-        sign *= np.linalg.slogdet(factors[at : at + p * p].reshape(p, p))[0]
+        p, offset = b * (nodes[s + 1] - nodes[s]), b * b * factor_starts[s]
+        sign *= np.linalg.slogdet(factors[offset : offset + p * p].reshape(p, p))[0]
     return sign
 
 
@@ -135,7 +137,7 @@ def _factorise(  # type: ignore[no-untyped-def]
     heads,
 ):
     top = 0
-    none = np.int64(0)  # a literal would make numba compile ``_add_update`` once more
+    zero = np.int64(0)  # a literal would make numba compile ``_add_update`` once more
     for s in range(len(nodes) - 1):
         p, q = b * (nodes[s + 1] - nodes[s]), b * (row_starts[s + 1] - row_starts[s])
         f11, f12, f21, f22 = np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, p)), np.zeros((q, q))
@@ -149,23 +151,23 @@ def _factorise(  # type: ignore[no-untyped-def]
             width = nodes[s + 1] - nodes[s]
             cut = np.searchsorted(places, width)
             head, tail = places[:cut], places[cut:]
-            _add_update(f11, b, head, none, head, none, update, none, none)
-            _add_update(f12, b, head, none, tail, width, update, none, cut)
-            _add_update(f21, b, tail, width, head, none, update, cut, none)
+            _add_update(f11, b, head, zero, head, zero, update, zero, zero)
+            _add_update(f12, b, head, zero, tail, width, update, zero, cut)
+            _add_update(f21, b, tail, width, head, zero, update, cut, zero)
             _add_update(f22, b, tail, width, tail, width, update, cut, cut)
         inverse = np.ascontiguousarray(np.linalg.inv(f11))
         if corrections > 0:
             heads[head_starts[s] : head_starts[s + 1]] = f11.reshape(-1)
-        at = b * b * factor_starts[s]
-        factors[at : at + p * p] = inverse.reshape(-1)
+        offset = b * b * factor_starts[s]
+        factors[offset : offset + p * p] = inverse.reshape(-1)
         if q > 0:
-            across = np.dot(inverse, f12)
+            product = np.dot(inverse, f12)
             for _ in range(corrections):
-                across += np.dot(inverse, f12 - np.dot(f11, across))
-            at += p * p
-            factors[at : at + p * q] = f21.reshape(-1)
-            factors[at + p * q : at + 2 * p * q] = across.reshape(-1)
-            f22 -= np.dot(f21, across)
+                product += np.dot(inverse, f12 - np.dot(f11, product))
+            offset += p * p
+            factors[offset : offset + p * q] = f21.reshape(-1)
+            factors[offset + p * q : offset + 2 * p * q] = product.reshape(-1)
+            f22 -= np.dot(f21, product)
             stack[top : top + q * q] = f22.reshape(-1)
             top += q * q
 
@@ -179,16 +181,16 @@ def _solve(b, nodes, row_starts, rows, factor_starts, factors, corrections, head
             x[b * k + m] = right[b * order[k] + m]
     for s in range(n_nodes):
         begin, p, n_rows = b * nodes[s], b * (nodes[s + 1] - nodes[s]), row_starts[s + 1] - row_starts[s]
-        at = b * b * factor_starts[s]
-        inverse, given = factors[at : at + p * p].reshape(p, p), x[begin : begin + p]
-        head = np.dot(inverse, given)
+        offset = b * b * factor_starts[s]
+        inverse, pivot_values = factors[offset : offset + p * p].reshape(p, p), x[begin : begin + p]
+        head = np.dot(inverse, pivot_values)
         for _ in range(corrections):
-            own = heads[head_starts[s] : head_starts[s + 1]].reshape(p, p)
-            head += np.dot(inverse, given - np.dot(own, head))
+            pivot_matrix = heads[head_starts[s] : head_starts[s + 1]].reshape(p, p)
+            head += np.dot(inverse, pivot_values - np.dot(pivot_matrix, head))
         x[begin : begin + p] = head
         if n_rows > 0:
             q = b * n_rows
-            change = np.dot(factors[at + p * p : at + p * p + p * q].reshape(q, p), head)
+            change = np.dot(factors[offset + p * p : offset + p * p + p * q].reshape(q, p), head)
             for k in range(n_rows):
                 for m in range(b):
                     x[b * rows[row_starts[s] + k] + m] -= change[b * k + m]
@@ -197,11 +199,11 @@ def _solve(b, nodes, row_starts, rows, factor_starts, factors, corrections, head
         q = b * n_rows
         if q == 0:
             continue
-        at = b * b * factor_starts[s] + p * p + p * q
+        offset = b * b * factor_starts[s] + p * p + p * q
         for k in range(n_rows):
             for m in range(b):
                 below[b * k + m] = x[b * rows[row_starts[s] + k] + m]
-        x[begin : begin + p] -= np.dot(factors[at : at + p * q].reshape(p, q), below[:q])
+        x[begin : begin + p] -= np.dot(factors[offset : offset + p * q].reshape(p, q), below[:q])
     solution = np.empty(n * b)
     for k in range(n):
         for m in range(b):

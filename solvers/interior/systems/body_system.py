@@ -65,14 +65,14 @@ class BodySystem:
 
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
         """Return dr for a right-hand side, both of shape (m, w)."""
-        given = self._lanes.sum_to_block(right)
-        found, left = np.zeros_like(given), given
+        b = self._lanes.sum_to_block(right)
+        dr, remainder = np.zeros_like(b), b
         for refinement in range(refinements + 1):
-            moved = self._factors.solve(self._push(times(self._inverse, left)))
-            found += times(self._inverse, left - self._pull(moved))
+            v = self._factors.solve(self._push(times(self._inverse, remainder)))
+            dr += times(self._inverse, remainder - self._pull(v))
             if refinement < refinements:
-                left = given - self._pull(self._push(found)) - times(self._coupled, found)
-        return self._lanes.from_block(found)
+                remainder = b - self._pull(self._push(dr)) - times(self._coupled, dr)
+        return self._lanes.from_block(dr)
 
     def _push(self, lanes: FloatArray) -> FloatArray:
         """Return L x over degrees of freedom."""
@@ -87,7 +87,7 @@ class BodySystem:
 
 @njit(cache=True)
 def _pattern(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
-    """Return the block rows over chunks, diagonal first, and the block that each pair of a contact's pieces adds to."""
+    """Return the block rows over chunks, diagonal first, and the block to which each pair of pieces adds."""
     n = len(starts) - 1
     heads = np.zeros(n_chunks + 2, dtype=np.int64)
     for p in range(len(chunks)):
@@ -95,22 +95,22 @@ def _pattern(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
             heads[chunks[p] + 1] += 1
     for chunk in range(n_chunks):
         heads[chunk + 1] += heads[chunk]
-    contact_of, piece_of, filled = np.empty_like(chunks), np.empty_like(chunks), heads[:-1].copy()
-    pair_starts, most = np.zeros(n + 1, dtype=np.int64), n_chunks
+    contact_of, piece_of, next_index = np.empty_like(chunks), np.empty_like(chunks), heads[:-1].copy()
+    pair_starts, max_blocks = np.zeros(n + 1, dtype=np.int64), n_chunks
     for i in range(n):
         count = starts[i + 1] - starts[i]
         pair_starts[i + 1] = pair_starts[i] + count * count
         for p in range(starts[i], starts[i + 1]):
             if chunks[p] < n_chunks:
-                contact_of[filled[chunks[p]]], piece_of[filled[chunks[p]]] = i, p
-                filled[chunks[p]] += 1
-    most += pair_starts[n]
-    rows, columns = np.zeros(n_chunks + 1, dtype=np.int64), np.empty(most, dtype=np.int64)
-    targets, place, end = np.full(pair_starts[n], -1, dtype=np.int64), np.full(n_chunks, -1, dtype=np.int64), 0
+                contact_of[next_index[chunks[p]]], piece_of[next_index[chunks[p]]] = i, p
+                next_index[chunks[p]] += 1
+    max_blocks += pair_starts[n]
+    rows, columns = np.zeros(n_chunks + 1, dtype=np.int64), np.empty(max_blocks, dtype=np.int64)
+    targets, position, end = np.full(pair_starts[n], -1, dtype=np.int64), np.full(n_chunks, -1, dtype=np.int64), 0
     for chunk in range(n_chunks):
         begin = end
         columns[end] = chunk
-        place[chunk] = end
+        position[chunk] = end
         end += 1
         for m in range(heads[chunk], heads[chunk + 1]):
             i = contact_of[m]
@@ -119,11 +119,11 @@ def _pattern(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
                 other = chunks[starts[i] + k]
                 if other >= n_chunks:
                     continue
-                if place[other] < begin:
-                    place[other] = end
+                if position[other] < begin:
+                    position[other] = end
                     columns[end] = other
                     end += 1
-                targets[pair_starts[i] + (piece_of[m] - starts[i]) * count + k] = place[other]
+                targets[pair_starts[i] + (piece_of[m] - starts[i]) * count + k] = position[other]
         rows[chunk + 1] = end
     return rows, columns[:end], pair_starts, targets
 
@@ -147,15 +147,15 @@ def _assemble(starts, left, right, inverse, pair_starts, targets, diagonal, bloc
                     for other in range(width):
                         product[lane, axis] += inverse[i, lane, other] * piece[other, axis]
             for m in range(count):
-                at = targets[pair_starts[i] + m * count + k]
-                if at < 0:
+                target = targets[pair_starts[i] + m * count + k]
+                if target < 0:
                     continue
                 for row in range(length):
                     for axis in range(length):
                         total = 0.0
                         for lane in range(width):
                             total += left[starts[i] + m, lane, row] * product[lane, axis]
-                        blocks[at, row, axis] += total
+                        blocks[target, row, axis] += total
 
 
 @njit(cache=True)

@@ -33,8 +33,8 @@ class DelassusSystem:
         self._matrix = sp.bsr_array((self._values, columns, starts), shape=(size, size))
         self._summed = self._values.copy()
         # redundant joints, which D regularises little, need all rows of their front as pivot candidates
-        most = len(starts) if problem.layout.is_bilateral.any() else MAX_COLUMNS
-        self._factors = BlockLU(starts, columns, self._width, max_columns=most)
+        max_columns = len(starts) if problem.layout.is_bilateral.any() else MAX_COLUMNS
+        self._factors = BlockLU(starts, columns, self._width, max_columns=max_columns)
         self._coupled: FloatArray = np.zeros((0, self._width, self._width))
 
     @property
@@ -58,13 +58,13 @@ class DelassusSystem:
 
     def solve(self, right: FloatArray, refinements: int = REFINEMENTS) -> FloatArray:
         """Return dr for a right-hand side, both of shape (m, w)."""
-        given = self._lanes.sum_to_block(right)
-        found, left = np.zeros_like(given), given
+        b = self._lanes.sum_to_block(right)
+        dr, remainder = np.zeros_like(b), b
         for refinement in range(refinements + 1):
-            found += self._factors.solve(left.reshape(-1)).reshape(found.shape)
+            dr += self._factors.solve(remainder.reshape(-1)).reshape(dr.shape)
             if refinement < refinements:
-                left = given - self._times(found) - (self._coupled @ found[:, :, None])[:, :, 0]
-        return self._lanes.from_block(found)
+                remainder = b - self._times(dr) - (self._coupled @ dr[:, :, None])[:, :, 0]
+        return self._lanes.from_block(dr)
 
     def _times(self, lanes: FloatArray) -> FloatArray:
         product: FloatArray = (self._matrix @ lanes.reshape(-1)).reshape(lanes.shape)
@@ -74,7 +74,7 @@ class DelassusSystem:
 def _symmetric_pattern(
     starts: np.ndarray, columns: np.ndarray, values: FloatArray
 ) -> tuple[np.ndarray, np.ndarray, FloatArray]:
-    """Return block rows with a symmetric pattern; missing blocks of asymmetric public data become stored zeros."""
+    """Return block rows with a symmetric pattern; missing blocks of an asymmetric matrix become stored zeros."""
     n, width = len(starts) - 1, values.shape[1]
     row = np.repeat(np.arange(n), np.diff(starts))
     key = row * n + columns

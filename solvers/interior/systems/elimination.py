@@ -87,7 +87,7 @@ def elimination(starts: IntArray, columns: IntArray, max_columns: int = MAX_COLU
 
 
 def _minimum_degree(starts: IntArray, columns: IntArray) -> IntArray:
-    """Return the order with little fill that SuperLU finds for a diagonally dominant matrix of the pattern."""
+    """Return the order with little fill that SuperLU finds for a diagonally dominant matrix with the pattern."""
     from scipy.sparse.linalg import splu  # imported here because the import takes 0.1 s
 
     n = len(starts) - 1
@@ -129,7 +129,7 @@ def _postorder(parent):  # type: ignore[no-untyped-def]
         if parent[j] >= 0:
             sibling[j] = first[parent[j]]
             first[parent[j]] = j
-    post, stack, done = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), 0
+    post, stack, n_done = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), 0
     for root in range(n):
         if parent[root] >= 0:
             continue
@@ -138,8 +138,8 @@ def _postorder(parent):  # type: ignore[no-untyped-def]
             j = stack[top]
             child = first[j]
             if child == -1:
-                post[done] = j
-                done += 1
+                post[n_done] = j
+                n_done += 1
                 top -= 1
             else:
                 first[j] = sibling[child]
@@ -152,37 +152,37 @@ def _postorder(parent):  # type: ignore[no-untyped-def]
 def _structures(starts, columns, position, order, parent):  # type: ignore[no-untyped-def]
     """Return the rows below the diagonal of each column of the factor, sorted, in compressed columns."""
     n = len(order)
-    column_starts, used = np.zeros(n + 1, dtype=np.int64), 0
+    column_starts, n_used = np.zeros(n + 1, dtype=np.int64), 0
     rows = np.empty(16 * n + 16, dtype=np.int64)
     mark = np.full(n, -1, dtype=np.int64)
     first, sibling = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
     for j in range(n):
-        begin = used
-        if used + n > len(rows):
+        begin = n_used
+        if n_used + n > len(rows):
             longer = np.empty(2 * len(rows) + n, dtype=np.int64)
-            longer[:used] = rows[:used]
+            longer[:n_used] = rows[:n_used]
             rows = longer
         for p in range(starts[order[j]], starts[order[j] + 1]):
             i = position[columns[p]]
             if i > j and mark[i] != j:
                 mark[i] = j
-                rows[used] = i
-                used += 1
+                rows[n_used] = i
+                n_used += 1
         child = first[j]
         while child != -1:
             for p in range(column_starts[child], column_starts[child + 1]):
                 i = rows[p]
                 if i > j and mark[i] != j:
                     mark[i] = j
-                    rows[used] = i
-                    used += 1
+                    rows[n_used] = i
+                    n_used += 1
             child = sibling[child]
-        rows[begin:used] = np.sort(rows[begin:used])
-        column_starts[j + 1] = used
+        rows[begin:n_used] = np.sort(rows[begin:n_used])
+        column_starts[j + 1] = n_used
         if parent[j] >= 0:
             sibling[j] = first[parent[j]]
             first[parent[j]] = j
-    return column_starts, rows[:used]
+    return column_starts, rows[:n_used]
 
 
 @njit(cache=True)
@@ -193,9 +193,9 @@ def _supernodes(column_starts, parent, max_zero_share, max_columns):  # type: ig
     for j in range(n):
         if j > 0 and parent[j - 1] == j and j - nodes[count - 1] < max_columns:
             width, below = j - nodes[count - 1], column_starts[j + 1] - column_starts[j]
-            gained = width * (below + 1 - (column_starts[j] - column_starts[j - 1]))
-            if zeros + gained <= max_zero_share * (width + 1) * (below + 1 + 0.5 * width):
-                zeros += gained
+            added_zeros = width * (below + 1 - (column_starts[j] - column_starts[j - 1]))
+            if zeros + added_zeros <= max_zero_share * (width + 1) * (below + 1 + 0.5 * width):
+                zeros += added_zeros
                 continue
         nodes[count] = j
         count += 1
@@ -224,11 +224,11 @@ def _fronts(column_starts, column_rows, nodes, parent):  # type: ignore[no-untyp
             child_starts[above[s] + 1] += 1
     for s in range(n_nodes):
         child_starts[s + 1] += child_starts[s]
-    children, filled = np.empty(child_starts[n_nodes], dtype=np.int64), child_starts[:-1].copy()
+    children, next_index = np.empty(child_starts[n_nodes], dtype=np.int64), child_starts[:-1].copy()
     for s in range(n_nodes):
         if above[s] >= 0:
-            children[filled[above[s]]] = s
-            filled[above[s]] += 1
+            children[next_index[above[s]]] = s
+            next_index[above[s]] += 1
     return row_starts, rows, node_of, child_starts, children
 
 
@@ -243,11 +243,11 @@ def _entries(starts, columns, position, node_of, n_nodes):  # type: ignore[no-un
             entry_starts[node_of[min(position[i], position[columns[p]])] + 1] += 1
     for s in range(n_nodes):
         entry_starts[s + 1] += entry_starts[s]
-    entries, filled = np.empty(len(columns), dtype=np.int64), entry_starts[:-1].copy()
+    entries, next_index = np.empty(len(columns), dtype=np.int64), entry_starts[:-1].copy()
     for p in range(len(columns)):
         s = node_of[min(row_of[p], position[columns[p]])]
-        entries[filled[s]] = p
-        filled[s] += 1
+        entries[next_index[s]] = p
+        next_index[s] += 1
     return entry_starts, entries, row_of
 
 
@@ -259,7 +259,7 @@ def _local_places(  # type: ignore[no-untyped-def]
     n_nodes = len(nodes) - 1
     local = np.full(nodes[n_nodes], -1, dtype=np.int64)
     row_places, entry_places = np.zeros(len(rows), dtype=np.int64), np.empty((2, len(entries)), dtype=np.int64)
-    factor_starts, stack, deepest = np.zeros(n_nodes + 1, dtype=np.int64), 0, 0
+    factor_starts, stack, max_stack = np.zeros(n_nodes + 1, dtype=np.int64), 0, 0
     for s in range(n_nodes):
         width, below = nodes[s + 1] - nodes[s], row_starts[s + 1] - row_starts[s]
         for k in range(width):
@@ -275,6 +275,6 @@ def _local_places(  # type: ignore[no-untyped-def]
                 row_places[k] = local[rows[k]]
             stack -= (row_starts[child + 1] - row_starts[child]) ** 2
         stack += below**2
-        deepest = max(deepest, stack)
+        max_stack = max(max_stack, stack)
         factor_starts[s + 1] = factor_starts[s] + width * width + 2 * width * below
-    return row_places, entry_places, factor_starts, deepest
+    return row_places, entry_places, factor_starts, max_stack

@@ -12,17 +12,17 @@ def _reduce(work):  # type: ignore[no-untyped-def]
     """Reduce (A I), shape (w, 2w), to (I A⁻¹); return the sign of det A, 0 if a pivot is zero or not finite."""
     width, sign = work.shape[0], 1.0
     for column in range(width):
-        best = column
+        pivot_row = column
         for row in range(column + 1, width):
-            if abs(work[row, column]) > abs(work[best, column]):
-                best = row
-        pivot = work[best, column]
+            if abs(work[row, column]) > abs(work[pivot_row, column]):
+                pivot_row = row
+        pivot = work[pivot_row, column]
         if not 0.0 < abs(pivot) < np.inf:
             return 0.0
-        if (best != column) != (pivot < 0.0):
+        if (pivot_row != column) != (pivot < 0.0):
             sign = -sign
         for k in range(2 * width):
-            work[best, k], work[column, k] = work[column, k], work[best, k] / pivot
+            work[pivot_row, k], work[column, k] = work[column, k], work[pivot_row, k] / pivot
         for row in range(width):
             factor = work[row, column]
             if row != column and factor != 0.0:
@@ -35,8 +35,7 @@ def _reduce(work):  # type: ignore[no-untyped-def]
 def invert(blocks, inverses):  # type: ignore[no-untyped-def]
     """Write the inverses of blocks, shape (n, w, w); return the sign of the product of their determinants.
 
-    The method is Gauss–Jordan elimination with partial pivoting. It returns 0 at the first singular or non-finite
-    block.
+    The method is Gauss–Jordan elimination with partial pivoting. Return 0 at the first singular or non-finite block.
     """
     width, product = blocks.shape[1], 1.0
     work = np.empty((width, 2 * width))

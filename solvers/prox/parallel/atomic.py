@@ -29,9 +29,9 @@ def _pointer(context: Any, builder: Any, array_type: Any, array: Any, index: Any
 
 def _swap_if_equal(typing_context, array, index, expected, new):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        place = _pointer(context, builder, signature.args[0], *arguments[:2])
-        found = builder.cmpxchg(place, arguments[2], arguments[3], "acq_rel", "acquire")
-        return builder.extract_value(found, 1)
+        pointer = _pointer(context, builder, signature.args[0], *arguments[:2])
+        result = builder.cmpxchg(pointer, arguments[2], arguments[3], "acq_rel", "acquire")
+        return builder.extract_value(result, 1)
 
     return types.boolean(array, types.intp, types.int64, types.int64), generate
 
@@ -42,8 +42,8 @@ swap_if_equal: Any = intrinsic(_swap_if_equal)
 
 def _add(typing_context, array, index, number):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        place = _pointer(context, builder, signature.args[0], *arguments[:2])
-        return builder.atomic_rmw("add", place, arguments[2], "acq_rel")
+        pointer = _pointer(context, builder, signature.args[0], *arguments[:2])
+        return builder.atomic_rmw("add", pointer, arguments[2], "acq_rel")
 
     return types.int64(array, types.intp, types.int64), generate
 
@@ -54,21 +54,21 @@ add: Any = intrinsic(_add)
 
 def _read(typing_context, array, index):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        place = _pointer(context, builder, signature.args[0], *arguments)
-        return builder.load_atomic(place, "acquire", 8)
+        pointer = _pointer(context, builder, signature.args[0], *arguments)
+        return builder.load_atomic(pointer, "acquire", 8)
 
     return types.int64(array, types.intp), generate
 
 
 read: Any = intrinsic(_read)
-"""Return ``array[index]`` as other threads have left it (array, index)."""
+"""Return ``array[index]`` as the last thread that wrote it has left it (array, index)."""
 
 
 @njit(cache=True, error_model="numpy", fastmath=False)
-def wait_for(array, index, least):  # type: ignore[no-untyped-def]
-    """Wait until ``array[index]`` is at least ``least``."""
+def wait_for(array, index, minimum):  # type: ignore[no-untyped-def]
+    """Wait until ``array[index]`` is at least ``minimum``."""
     spins = 0
-    while read(array, index) < least:
+    while read(array, index) < minimum:
         spins += 1
         if spins > SPINS_BEFORE_YIELD:
             yield_core()

@@ -13,41 +13,41 @@ from ...sweeps.batches.pieces import LANES
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_ball_batch(balls, batch, moved, impulses, change, present, turn, moves):  # type: ignore[no-untyped-def]
+def update_ball_batch(balls, batch, motion, impulses, change, beta, turn, moves):  # type: ignore[no-untyped-def]
     """Update Λ, v and τ of the contacts of a batch; ``balls`` holds bodies, records and κ of ``BallSweep``."""
     bodies, records, share = balls
-    lanes, at = uint64(LANES), uint64(LANES) * uint64(batch)
-    record, pair = uint64(NUMBERS) * at, uint64(2) * at
-    gather_moves(bodies, pair, moved, moves)
-    update_impulses(records, record, share, impulses, change, uint64(3) * at, present, turn, moves)
-    three, idle, mass = uint64(3), uint64(len(moved)) - uint64(6), record + uint64(9) * lanes
+    lanes, first_lane = uint64(LANES), uint64(LANES) * uint64(batch)
+    record, pair = uint64(NUMBERS) * first_lane, uint64(2) * first_lane
+    gather_moves(bodies, pair, motion, moves)
+    update_impulses(records, record, share, impulses, change, uint64(3) * first_lane, beta, turn, moves)
+    three, idle, mass = uint64(3), uint64(len(motion)) - uint64(6), record + uint64(9) * lanes
     for lane in range(lanes):
         a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
         first_mass, second_mass = records[mass + lane], records[mass + lanes + lane]  # inverse masses
         if a != idle:  # the idle ball of empty lanes and surfaces stays zero, because all threads read it
             for k in range(three):
-                moved[a + k] += first_mass * moves[lanes * k + lane]
-                moved[a + k + three] -= first_mass * moves[lanes * (k + three) + lane]
+                motion[a + k] += first_mass * moves[lanes * k + lane]
+                motion[a + k + three] -= first_mass * moves[lanes * (k + three) + lane]
         if b != idle:
             for k in range(three):
-                moved[b + k] -= second_mass * moves[lanes * k + lane]
-                moved[b + k + three] -= second_mass * moves[lanes * (k + three) + lane]
+                motion[b + k] -= second_mass * moves[lanes * k + lane]
+                motion[b + k + three] -= second_mass * moves[lanes * (k + three) + lane]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def write_ball_velocities(balls, batch, moved, moves, velocity):  # type: ignore[no-untyped-def]
+def write_ball_velocities(balls, batch, motion, moves, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
     bodies, records, share = balls
-    one, at = uint64(LANES), uint64(LANES) * uint64(batch)
-    gather_moves(bodies, uint64(2) * at, moved, moves)
-    for lane in range(one):
-        r, n = uint64(NUMBERS) * at + lane, uint64(3) * at + lane
+    lanes, first_lane = uint64(LANES), uint64(LANES) * uint64(batch)
+    gather_moves(bodies, uint64(2) * first_lane, motion, moves)
+    for lane in range(lanes):
+        r, n = uint64(NUMBERS) * first_lane + lane, uint64(3) * first_lane + lane
         xi = lane_velocity(records, r, share, moves, lane)
-        velocity[n], velocity[n + one], velocity[n + uint64(2) * one] = xi
+        velocity[n], velocity[n + lanes], velocity[n + uint64(2) * lanes] = xi
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def raise_to_violations(balls, batch, moved, impulses, weights, moves, largest):  # type: ignore[no-untyped-def]
+def raise_to_violations(balls, batch, motion, impulses, weights, moves, largest):  # type: ignore[no-untyped-def]
     """Raise ``largest`` of each lane to the squared violations of a batch, or to NaN if one is NaN."""
     bodies, records, share = balls
-    find_violations(bodies, records, share, impulses, moved, weights, uint64(batch), moves, largest)
+    find_violations(bodies, records, share, impulses, motion, weights, uint64(batch), moves, largest)

@@ -48,7 +48,7 @@ MIN_CONTACTS_PER_THREAD = 2000
 """Minimum number of contacts per thread; with fewer, whole solves in two threads save little or no time."""
 
 MIN_EFFICIENCY = 0.75
-"""Minimum of the largest possible speed-up per thread, which is smaller if few slabs hold most contacts."""
+"""Minimum of the largest possible speed-up per thread. The speed-up is small if few slabs hold most contacts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +83,14 @@ class ColouredSweep:
         layout, balls = problem.layout, balls_of(problem)
         pairs = in_pairs(problem.factor_pieces()) if balls is None else balls.directions
         slabs = divide_into_slabs(pairs)
-        shared = slabs, _useful_threads(slabs, layout.n_blocks, threads)
+        n_threads = _useful_threads(slabs, layout.n_blocks, threads)
         if balls is None:
             pairs = Pieces(pairs.starts, slabs.chunks, pairs.values, len(slabs.bodies))
-            return ColouredSweep._over_pieces(problem, sizes, pairs, *shared)
+            return ColouredSweep._over_pieces(problem, sizes, pairs, slabs, n_threads)
         renumbered = balls.renumbered(slabs.bodies, slabs.chunks)
         bodies, records, slots = renumbered.pack(problem, sizes, slabs.places, slabs.n_batches)
         data = bodies, records, balls.spin_share
-        return ColouredSweep(layout, None, data, renumbered.motion, slabs, slots, shared[1])
+        return ColouredSweep(layout, None, data, renumbered.motion, slabs, slots, n_threads)
 
     @staticmethod
     def _over_pieces(
@@ -137,14 +137,14 @@ class ColouredIterates(MomentumState, SinglePassIterates):
         first_batch, n_slabs = sweep.slabs.first_batch, len(sweep.slabs.first_batch) - 1
         stages = np.concatenate([[0], n_pieces + sweep.slabs.first_slab])
         n_tasks = int(stages[-1]) + n_slabs  # ξ or the violations of each slab come last
-        self._claims, self._done = np.zeros(n_tasks, dtype=np.int64), np.zeros(1, dtype=np.int64)
+        self._claims, self._n_completed = np.zeros(n_tasks, dtype=np.int64), np.zeros(1, dtype=np.int64)
         self._turns = np.zeros((2, n_slabs))
-        self._past, self._momenta = np.zeros(4, dtype=np.int64), np.zeros(3)
+        self._counters, self._momenta = np.zeros(4, dtype=np.int64), np.zeros(3)
         self._residual: Residual | None = None
         self._weights = np.zeros(WEIGHTS * LANES * int(first_batch[-1]) if sweep.ball_batches is not None else 0)
         self._violations, self._rows = np.zeros(n_slabs), np.empty(len(start))
         arguments = (
-            self._past,
+            self._counters,
             self._momenta,
             stages,
             first_batch,
@@ -154,7 +154,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
             (self._weights, self._violations, sweep.slots, self._rows),
             self._turns,
             self._claims,
-            self._done,
+            self._n_completed,
         )
         self._team = Team(sweep.threads, _run_windows, *arguments)
         self._alone = Team(1, _run_windows, *arguments)
@@ -190,19 +190,19 @@ class ColouredIterates(MomentumState, SinglePassIterates):
             self._run(0, True)
         return self._rows.copy(), ratio(float(np.sqrt(self._violations.max())), residual.scale)
 
-    def _run(self, count: int, measures: bool) -> None:
-        self._done[0] = 0
-        self._past[:] = self._sweeps, self._windows, count, measures
-        self._momenta[:] = self._momentum, self._delay, self._present
-        self._present = (self._team if count else self._alone).run()
+    def _run(self, count: int, writes_violations: bool) -> None:
+        self._n_completed[0] = 0
+        self._counters[:] = self._sweeps, self._windows, count, writes_violations
+        self._momenta[:] = self._momentum, self._delay, self._beta
+        self._beta = (self._team if count else self._alone).run()
         self._sweeps += count
         self._windows += 1
-        self._has_velocity, self._has_violations = not measures, measures
+        self._has_velocity, self._has_violations = not writes_violations, writes_violations
 
 
 @njit(cache=True, nogil=True)
 def _run_windows(thread, threads, calls, states, *arguments):  # type: ignore[no-untyped-def]
-    """Do the part of a thread in one window in the calling thread, or in each window in others; see ``Team``."""
+    """Do the part of the calling thread (number 0) in one window, or of another thread in each window; see ``Team``."""
     if thread == 0:
         return _run_window(thread, threads, *arguments)
     while joins_call(calls, states, thread):
@@ -213,30 +213,42 @@ def _run_windows(thread, threads, calls, states, *arguments):  # type: ignore[no
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def _run_window(  # type: ignore[no-untyped-def]
-    thread, threads, past, momenta, stages, first_batch, pieces, balls, arrays, violations, turns, claims, done
+    thread,
+    threads,
+    counters,
+    momenta,
+    stages,
+    first_batch,
+    pieces,
+    balls,
+    arrays,
+    violations,
+    turns,
+    claims,
+    n_completed,
 ):
     """Do the share of one thread in a window of sweeps and ξ or violations; return β of the sweep after these.
 
     One of ``pieces`` and ``balls`` is None. Λ, v, the last change of Λ, v before the last sweep and ξ are in
-    ``arrays``. ``past`` holds the numbers of earlier sweeps and windows, of sweeps in this window, and whether
+    ``arrays``. ``counters`` holds the numbers of earlier sweeps and windows, of sweeps in this window, and whether
     violations and Λ over rows are written in place of ξ; ``violations`` holds weights, the largest violation of each
     slab, the slot of each row, and Λ over rows.
     ``momenta`` holds the bound and delay of ``MomentumState`` and β of the next sweep. ``turns`` holds the part of each
     slab in the product that is positive if the iterates turn back (``iteration.momentum``), for even and odd sweeps.
-    ``claims`` counts how often each task was claimed, and ``done`` the completed tasks of the window.
+    ``claims`` counts how often each task was claimed, and ``n_completed`` the completed tasks of the window.
     """
-    sweeps, windows, count = past[0], past[1], past[2]
+    sweeps, windows, count = counters[0], counters[1], counters[2]
     impulses, scaled, change, before, velocity = arrays
-    momentum, delay, present = momenta[0], momenta[1], momenta[2]
+    momentum, delay, beta = momenta[0], momenta[1], momenta[2]
     length = BALL_LENGTH
     if pieces is not None:
         length = len(pieces[0])
-    own, others, turn = np.empty(2 * LANES * length), np.empty(2 * LANES * length), np.empty(LANES)
-    n_stages, needed = len(stages) - 1, 0
+    work, second_work, turn = np.empty(2 * LANES * length), np.empty(2 * LANES * length), np.empty(LANES)
+    n_stages, n_required = len(stages) - 1, 0
     for sweep in range(sweeps, sweeps + count):
         for stage in range(n_stages):
             begin, size, completed = stages[stage], stages[stage + 1] - stages[stage], 0
-            wait_for(done, 0, needed)
+            wait_for(n_completed, 0, n_required)
             for k in range(threads):
                 share = (thread + k) % threads
                 for task in range(begin + size * share // threads, begin + size * (share + 1) // threads):
@@ -245,31 +257,31 @@ def _run_window(  # type: ignore[no-untyped-def]
                     completed += 1
                     if stage == 0:
                         first = PIECE_LENGTH * task
-                        extrapolate(scaled, before, present, first, min(first + PIECE_LENGTH, len(scaled)))
+                        extrapolate(scaled, before, beta, first, min(first + PIECE_LENGTH, len(scaled)))
                         continue
                     slab = task - stages[1]
                     turn[:] = 0.0
                     for batch in range(first_batch[slab], first_batch[slab + 1]):
                         if balls is not None:
-                            update_ball_batch(balls, batch, scaled, impulses, change, present, turn, own)
+                            update_ball_batch(balls, batch, scaled, impulses, change, beta, turn, work)
                         if pieces is not None:
-                            update_pieces(pieces, batch, scaled, impulses, change, present, turn, own, others)
+                            update_pieces(pieces, batch, scaled, impulses, change, beta, turn, work, second_work)
                     turns[sweep % 2, slab] = turn.sum()
             if completed:
-                add(done, 0, completed)
-            needed += size
-        wait_for(done, 0, needed)
-        present = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
-    wait_for(done, 0, needed)
+                add(n_completed, 0, completed)
+            n_required += size
+        wait_for(n_completed, 0, n_required)
+        beta = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
+    wait_for(n_completed, 0, n_required)
     data = (windows, stages[n_stages], stages[2] - stages[1], first_batch, balls, scaled)
-    if past[3] and balls is not None:
+    if counters[3] and balls is not None:
         completed = _write_violations(thread, threads, *data, impulses, violations, claims)
     else:
         completed = _write_xi(thread, threads, *data, pieces, velocity, claims)
     if completed:
-        add(done, 0, completed)
-    wait_for(done, 0, needed + turns.shape[1])
-    return present
+        add(n_completed, 0, completed)
+    wait_for(n_completed, 0, n_required + turns.shape[1])
+    return beta
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
@@ -280,17 +292,17 @@ def _write_xi(  # type: ignore[no-untyped-def]
     length, n_slabs = BALL_LENGTH, len(first_batch) - 1
     if pieces is not None:
         length = len(pieces[0])
-    own, completed = np.empty(2 * LANES * length), 0
+    work, completed = np.empty(2 * LANES * length), 0
     for k in range(threads):
         share = (thread + k) % threads
-        for place in range(n_slabs * share // threads, n_slabs * (share + 1) // threads):
-            task, slab = first_task + place, _slab_at(place, n_even)
+        for position in range(n_slabs * share // threads, n_slabs * (share + 1) // threads):
+            task, slab = first_task + position, _slab_at(position, n_even)
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
                 for batch in range(first_batch[slab], first_batch[slab + 1]):
                     if balls is not None:
-                        write_ball_velocities(balls, batch, scaled, own, velocity)
+                        write_ball_velocities(balls, batch, scaled, work, velocity)
                     if pieces is not None:
-                        write_piece_velocities(pieces, batch, scaled, own, velocity)
+                        write_piece_velocities(pieces, batch, scaled, work, velocity)
                 completed += 1
     return completed
 
@@ -304,20 +316,20 @@ def _write_violations(  # type: ignore[no-untyped-def]
     moves, largest, completed = np.empty(BALL_LENGTH * LANES), np.empty(LANES), 0
     for k in range(threads):
         share = (thread + k) % threads
-        for place in range(len(squares) * share // threads, len(squares) * (share + 1) // threads):
-            task, slab = first_task + place, _slab_at(place, n_even)
+        for position in range(len(squares) * share // threads, len(squares) * (share + 1) // threads):
+            task, slab = first_task + position, _slab_at(position, n_even)
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
                 largest[:] = 0.0
                 for batch in range(first_batch[slab], first_batch[slab + 1]):
                     raise_to_violations(balls, batch, scaled, impulses, weights, moves, largest)
                 squares[slab] = largest_of_lanes(largest)
-                for row in range(len(rows) * place // len(squares), len(rows) * (place + 1) // len(squares)):
+                for row in range(len(rows) * position // len(squares), len(rows) * (position + 1) // len(squares)):
                     rows[row] = impulses[slots[row]]
                 completed += 1
     return completed
 
 
 @njit(inline="always")
-def _slab_at(place, n_even):  # type: ignore[no-untyped-def]
+def _slab_at(position, n_even):  # type: ignore[no-untyped-def]
     """Return the slab at a place in the order of the levels, in which even and odd slabs alternate."""
-    return place // 2 + n_even * (place % 2)
+    return position // 2 + n_even * (position % 2)

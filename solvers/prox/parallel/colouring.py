@@ -13,7 +13,7 @@ from numba import njit
 from ....problems.contact.matrices.pieces import Pieces
 
 MAX_FIRST_FIT = 63
-"""Number of colours that are assigned by first fit: one for each bit of a signed integer but its sign."""
+"""Number of colours that are assigned by first fit: one for each bit of a signed integer except the sign bit."""
 
 
 class Colouring(NamedTuple):
@@ -31,23 +31,24 @@ def colour_contacts(pieces: Pieces) -> Colouring:
 
 @njit(cache=True)
 def _first_fit(chunks, idle):  # type: ignore[no-untyped-def]
+    """Return the colour of each block, and the number of colours."""
     n_blocks, n_colours = len(chunks) // 2, 0
     colours = np.empty(n_blocks, dtype=np.int64)
     used = np.zeros(idle + 1, dtype=np.int64)  # a bit for each colour of a body
-    last = np.full(idle + 1, MAX_FIRST_FIT - 1, dtype=np.int64)  # the last further colour of a body
+    last_colours = np.full(idle + 1, MAX_FIRST_FIT - 1, dtype=np.int64)  # the last further colour of a body
     for block in range(n_blocks):
         first, second = chunks[2 * block], chunks[2 * block + 1]
-        taken, after = np.int64(0), MAX_FIRST_FIT - 1
+        forbidden, last_colour = np.int64(0), MAX_FIRST_FIT - 1
         for body in (first, second):
             if body != idle:
-                taken |= used[body]
-                after = max(after, last[body])
+                forbidden |= used[body]
+                last_colour = max(last_colour, last_colours[body])
         colour = 0
-        while colour < MAX_FIRST_FIT and (taken >> colour) & 1:
+        while colour < MAX_FIRST_FIT and (forbidden >> colour) & 1:
             colour += 1
         if colour == MAX_FIRST_FIT:
-            colour = after + 1
-            last[first] = last[second] = colour
+            colour = last_colour + 1
+            last_colours[first] = last_colours[second] = colour
         else:
             used[first] |= np.int64(1) << colour
             used[second] |= np.int64(1) << colour

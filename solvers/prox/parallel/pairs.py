@@ -14,11 +14,11 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
     """Return why a problem cannot be converted to this form, or None."""
     if problem.factors is None:
         return "the problem holds G only, and sweeps over pairs of bodies need the factors W and M⁻¹"
-    declined = unsupported_laws(problem)
-    if declined:
-        return declined
-    given = problem.factors.directions
-    has_pairs = isinstance(given, Pieces) and given.in_pairs
+    reason = unsupported_laws(problem)
+    if reason:
+        return reason
+    directions = problem.factors.directions
+    has_pairs = isinstance(directions, Pieces) and directions.in_pairs
     if not has_pairs and np.diff(problem.factor_pieces().starts).max(initial=0) > MAX_BODIES:
         return "a contact touches more than two bodies, and sweeps over pairs of bodies support one or two"
     if not problem.layout.bounds_are_own:
@@ -32,7 +32,7 @@ def in_pairs(pieces: Pieces) -> Pieces:
         return pieces
     n_blocks, counts = pieces.n_blocks, np.diff(pieces.starts)
     offsets = np.arange(len(pieces.chunks)) - np.repeat(pieces.starts[:-1], counts)
-    places = 2 * np.repeat(np.arange(n_blocks), counts) + offsets
+    positions = 2 * np.repeat(np.arange(n_blocks), counts) + offsets
     chunks, values = np.full(2 * n_blocks, pieces.n_chunks), np.zeros((2 * n_blocks, 3, pieces.length))
-    chunks[places], values[places, : pieces.width] = pieces.chunks, pieces.values
+    chunks[positions], values[positions, : pieces.width] = pieces.chunks, pieces.values
     return Pieces(2 * np.arange(n_blocks + 1), chunks, values, pieces.n_chunks)

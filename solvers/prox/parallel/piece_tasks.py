@@ -6,42 +6,44 @@ from ...sweeps.batches.pieces import LANES, update_batch
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_pieces(pieces, batch, scaled, impulses, change, present, turn, own, others):  # type: ignore[no-untyped-def]
+def update_pieces(pieces, batch, scaled, impulses, change, beta, turn, v_before, v_after):  # type: ignore[no-untyped-def]
     """Update Λ (``impulses``) and v = W̃ Λ (``scaled``) of the contacts of a batch.
 
-    ``pieces`` is as in ``batch_arguments``, and ``change``, ``present`` and ``turn`` are as in ``update_batch``.
-    ``own`` and ``others`` are work arrays for v of both bodies before and after the update.
+    ``pieces`` is as in ``batch_arguments``, and ``change``, ``beta`` and ``turn`` are as in ``update_batch``.
+    ``v_before`` and ``v_after`` are work arrays for v of both bodies before and after the update.
     """
     axes, bodies, records = pieces
     lanes, length = uint64(LANES), uint64(len(axes))
-    _gather(axes, bodies, batch, scaled, own)
+    _gather(axes, bodies, batch, scaled, v_before)
     begin = uint64(batch) * (uint64(6) * lanes * length + uint64(9) * lanes)
-    update_batch(axes, records, begin, impulses, change, uint64(3) * lanes * uint64(batch), present, turn, own, others)
-    _scatter(axes, bodies, batch, others, scaled)
+    update_batch(
+        axes, records, begin, impulses, change, uint64(3) * lanes * uint64(batch), beta, turn, v_before, v_after
+    )
+    _scatter(axes, bodies, batch, v_after, scaled)
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def write_piece_velocities(pieces, batch, scaled, own, velocity):  # type: ignore[no-untyped-def]
+def write_piece_velocities(pieces, batch, scaled, v_before, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
     axes, bodies, records = pieces
-    _gather(axes, bodies, batch, scaled, own)
-    _write_velocities(axes, records, batch, own, velocity)
+    _gather(axes, bodies, batch, scaled, v_before)
+    _write_velocities(axes, records, batch, v_before, velocity)
 
 
 @njit(cache=True, inline="always")
-def _gather(axes, bodies, batch, scaled, own):  # type: ignore[no-untyped-def]
+def _gather(axes, bodies, batch, scaled, v_before):  # type: ignore[no-untyped-def]
     """Copy v of both bodies of each contact of a batch."""
     lanes, length = uint64(LANES), uint64(len(axes))
     pair = uint64(2) * lanes * uint64(batch)
     for lane in range(lanes):
         a, b = bodies[pair + lane], bodies[pair + lanes + lane]
         for x in range(length):
-            own[lanes * x + lane] = scaled[a + x]
-            own[lanes * (length + x) + lane] = scaled[b + x]
+            v_before[lanes * x + lane] = scaled[a + x]
+            v_before[lanes * (length + x) + lane] = scaled[b + x]
 
 
 @njit(cache=True, inline="always")
-def _scatter(axes, bodies, batch, others, scaled):  # type: ignore[no-untyped-def]
+def _scatter(axes, bodies, batch, v_after, scaled):  # type: ignore[no-untyped-def]
     """Copy v back, except for the idle chunk, which is last: it remains zero, because all threads read it."""
     lanes, length = uint64(LANES), uint64(len(axes))
     pair, idle = uint64(2) * lanes * uint64(batch), uint64(len(scaled)) - length
@@ -49,24 +51,24 @@ def _scatter(axes, bodies, batch, others, scaled):  # type: ignore[no-untyped-de
         a, b = bodies[pair + lane], bodies[pair + lanes + lane]
         if a != idle:
             for x in range(length):
-                scaled[a + x] = others[lanes * x + lane]
+                scaled[a + x] = v_after[lanes * x + lane]
         if b != idle:
             for x in range(length):
-                scaled[b + x] = others[lanes * (length + x) + lane]
+                scaled[b + x] = v_after[lanes * (length + x) + lane]
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def _write_velocities(axes, records, batch, own, velocity):  # type: ignore[no-untyped-def]
+def _write_velocities(axes, records, batch, v_before, velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c of a batch in the order of Λ."""
     two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
-    row, at = lanes * length, three * lanes * uint64(batch)
+    row, first_entry = lanes * length, three * lanes * uint64(batch)
     begin = uint64(batch) * (uint64(6) * row + uint64(9) * lanes)
     for lane in range(lanes):
-        a, c, n = begin + lane, begin + uint64(6) * row + lane, at + lane
+        a, c, n = begin + lane, begin + uint64(6) * row + lane, first_entry + lane
         b = a + three * row
         normal, first, second = records[c], records[c + lanes], records[c + two * lanes]
         for x in range(length):
-            v_a, v_b = own[lanes * x + lane], own[lanes * (length + x) + lane]
+            v_a, v_b = v_before[lanes * x + lane], v_before[lanes * (length + x) + lane]
             normal += records[a + lanes * x] * v_a + records[b + lanes * x] * v_b
             first += records[a + row + lanes * x] * v_a + records[b + row + lanes * x] * v_b
             second += records[a + two * row + lanes * x] * v_a + records[b + two * row + lanes * x] * v_b

@@ -1,10 +1,10 @@
 """Slabs of contacts in two colours, whose sweeps several threads share, and an order of the bodies that suits them.
 
-A breadth-first search over the bodies, from one far from the others, assigns levels: a contact touches one level or two
-successive ones (the rooted level structure of Cuthill & McKee, 1969; the start is found as by George & Liu, 1979). The
-level of a contact is the lower one of its bodies. A slab holds the contacts of successive levels. Its contacts touch
-bodies of these levels and of the next one, so that slabs that are not neighbours share no movable body. Even slabs are
-of the first colour, odd slabs of the second one.
+A breadth-first search over the bodies, from a body far from the others, assigns levels: a contact touches one level or
+two successive ones (the rooted level structure of Cuthill & McKee, 1969; the start is found as by George & Liu, 1979).
+The level of a contact is the lower one of its bodies. A slab holds the contacts of successive levels. Its contacts
+touch bodies of these levels and of the next one, so that slabs that are not neighbours share no movable body. Even
+slabs are of the first colour, odd slabs of the second one.
 
 Components of the graph that share no contact get separate levels, one component after the other.
 """
@@ -19,10 +19,10 @@ from ....problems.contact.matrices.pieces import Pieces
 from ...sweeps.batches.pieces import LANES
 
 MIN_SLAB = 256
-"""Least number of contacts of each slab but the last one; batches of smaller slabs have more empty lanes."""
+"""Minimum number of contacts of each slab except the last; batches of smaller slabs have more empty lanes."""
 
 OPEN_BATCHES = 63
-"""Number of batches that are filled at the same time: one for each bit of a signed integer but its sign."""
+"""Number of batches that are filled at the same time: one for each bit of a signed integer except the sign bit."""
 
 
 class Slabs(NamedTuple):
@@ -79,30 +79,30 @@ def _neighbours(chunks, idle):  # type: ignore[no-untyped-def]
             starts[chunks[side] + 2] += 1
     for body in range(idle):
         starts[body + 2] += starts[body + 1]
-    found = np.empty(starts[idle + 1], dtype=np.int64)
+    neighbours = np.empty(starts[idle + 1], dtype=np.int64)
     for side in range(len(chunks)):
         body, other = chunks[side], chunks[side ^ 1]
         if body != idle and other != idle:
-            found[starts[body + 1]] = other
+            neighbours[starts[body + 1]] = other
             starts[body + 1] += 1
-    return starts, found
+    return starts, neighbours
 
 
 @njit(cache=True)
 def _search(chunks, idle):  # type: ignore[no-untyped-def]
     """Return bodies and chunks as in ``Slabs``, and the level of each of these bodies."""
-    starts, found = _neighbours(chunks, idle)
+    starts, neighbours = _neighbours(chunks, idle)
     levels, queue = np.full(idle + 1, -1, dtype=np.int64), np.empty(idle + 1, dtype=np.int64)
     n_visited, level = 0, 0
     for side in range(len(chunks)):
         body = chunks[side]
         if body == idle or levels[body] >= 0:
             continue
-        end = _visit(starts, found, body, n_visited, level, levels, queue)
+        end = _visit(starts, neighbours, body, n_visited, level, levels, queue)
         farthest = queue[end - 1]
         for k in range(n_visited, end):
             levels[queue[k]] = -1
-        n_visited = _visit(starts, found, farthest, n_visited, level, levels, queue)
+        n_visited = _visit(starts, neighbours, farthest, n_visited, level, levels, queue)
         level = levels[queue[n_visited - 1]] + 1
     bodies = queue[:n_visited].copy()
     positions = np.full(idle + 1, n_visited, dtype=np.int64)
@@ -112,19 +112,19 @@ def _search(chunks, idle):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _visit(starts, found, root, begin, level, levels, queue):  # type: ignore[no-untyped-def]
+def _visit(starts, neighbours, root, begin, level, levels, queue):  # type: ignore[no-untyped-def]
     """Write the levels of all bodies that are connected with ``root``, and queue them; return the end of the queue."""
     levels[root], queue[begin] = level, root
-    at, end = begin, begin + 1
-    while at < end:
-        body = queue[at]
+    head, end = begin, begin + 1
+    while head < end:
+        body = queue[head]
         for k in range(starts[body], starts[body + 1]):
-            other = found[k]
+            other = neighbours[k]
             if levels[other] < 0:
                 levels[other] = levels[body] + 1
                 queue[end] = other
                 end += 1
-        at += 1
+        head += 1
     return end
 
 
@@ -145,15 +145,15 @@ def _in_order_of_bodies(chunks, n_bodies):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _first_members(chunks, levels, members, least):  # type: ignore[no-untyped-def]
+def _first_members(chunks, levels, members, min_size):  # type: ignore[no-untyped-def]
     """Return the position in ``members`` of the first contact of each slab, then the number of contacts."""
-    begins, n_slabs = np.zeros(len(members) // least + 2, dtype=np.int64), 1
+    begins, n_slabs = np.zeros(len(members) // min_size + 2, dtype=np.int64), 1
     for k in range(1, len(members)):
-        before, contact = members[k - 1], members[k]
+        previous, contact = members[k - 1], members[k]
         body = min(chunks[2 * contact], chunks[2 * contact + 1])
-        if k - begins[n_slabs - 1] < least or body == len(levels):
+        if k - begins[n_slabs - 1] < min_size or body == len(levels):
             continue
-        if levels[body] > levels[min(chunks[2 * before], chunks[2 * before + 1])]:
+        if levels[body] > levels[min(chunks[2 * previous], chunks[2 * previous + 1])]:
             begins[n_slabs] = k
             n_slabs += 1
     begins[n_slabs] = len(members)
@@ -167,36 +167,36 @@ def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def
     Each contact of a slab in turn gets the first batch with an empty lane and none of its bodies.
     """
     places, first_batch = np.empty(len(members), dtype=np.int64), np.empty(len(begins), dtype=np.int64)
-    taken = np.zeros(idle + 1, dtype=np.int64)  # a bit for each open batch that touches a body
-    since = np.full(idle + 1, -1, dtype=np.int64)  # the first open batch when they were written
-    used = np.zeros(OPEN_BATCHES, dtype=np.int64)
+    touching = np.zeros(idle + 1, dtype=np.int64)  # a bit for each open batch that touches a body
+    written_base = np.full(idle + 1, -1, dtype=np.int64)  # the first open batch when the bits of a body were written
+    n_lanes_used = np.zeros(OPEN_BATCHES, dtype=np.int64)
     n_batches, n_slabs = 0, len(begins) - 1
     n_even = n_slabs - n_slabs // 2
     for slab in range(n_slabs):
-        place = 2 * slab if slab < n_even else 2 * (slab - n_even) + 1
+        position = 2 * slab if slab < n_even else 2 * (slab - n_even) + 1
         first_batch[slab] = n_batches
         base, full, first_open = n_batches, np.int64(0), 0
-        used[:] = 0
-        for k in range(begins[place], begins[place + 1]):
+        n_lanes_used[:] = 0
+        for k in range(begins[position], begins[position + 1]):
             contact = members[k]
             a, b = chunks[2 * contact], chunks[2 * contact + 1]
             closed = full
-            if a != idle and since[a] == base:
-                closed |= taken[a]
-            if b != idle and since[b] == base:
-                closed |= taken[b]
+            if a != idle and written_base[a] == base:
+                closed |= touching[a]
+            if b != idle and written_base[b] == base:
+                closed |= touching[b]
             batch = first_open
             while batch < OPEN_BATCHES and (closed >> batch) & 1:
                 batch += 1
-            if batch == OPEN_BATCHES:  # close all of them
+            if batch == OPEN_BATCHES:  # close all open batches
                 base, full, batch, first_open = n_batches, np.int64(0), 0, 0
-                used[:] = 0
-            bit, lane = np.int64(1) << batch, used[batch]
+                n_lanes_used[:] = 0
+            bit, lane = np.int64(1) << batch, n_lanes_used[batch]
             for body in (a, b):
-                taken[body] = bit | (taken[body] if since[body] == base else 0)
-                since[body] = base
-            used[batch] += 1
-            if used[batch] == LANES:
+                touching[body] = bit | (touching[body] if written_base[body] == base else 0)
+                written_base[body] = base
+            n_lanes_used[batch] += 1
+            if n_lanes_used[batch] == LANES:
                 full |= bit
                 while first_open < OPEN_BATCHES and (full >> first_open) & 1:
                     first_open += 1

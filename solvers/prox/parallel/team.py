@@ -8,7 +8,7 @@ that is late or preempted delays the others by at most one task.
 
 Calls are numbered from 1. The state of a thread is 2k between calls k and k + 1, 2k + 1 during call k, and ``AWAY`` if
 it takes no further part until it is started again. Only the thread itself begins and ends its part. At the end of a
-call, the calling thread waits for threads within the call, and sends those away that have not begun.
+call, the calling thread waits for threads within the call, and sends away those that have not begun.
 """
 
 import _thread
@@ -123,7 +123,10 @@ class Team:
 def _take_part(
     number: int, states: IntArray, errors: list[BaseException], kernel: Callable[..., Any], *arguments: Any
 ) -> None:
-    """Run the kernel in a thread until it leaves; without a reference to the team, whose deletion ends the thread."""
+    """Run the kernel in a thread until it leaves.
+
+    The thread holds no reference to the team, because deleting the team ends the thread.
+    """
     try:
         kernel(number, *arguments)
     except BaseException as error:  # the calling thread raises it
@@ -161,12 +164,12 @@ def _begin_call(calls):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _end_call(calls, states):  # type: ignore[no-untyped-def]
-    """Wait until no thread is in the call, and send threads away that have not begun their part."""
-    within = 2 * calls[0] + 1
+    """Wait until no thread is in the call, and send away threads that have not begun their part."""
+    active_state = 2 * calls[0] + 1
     for thread in range(1, len(states)):
         state, spins = read(states, thread), 0
-        while state != within - 1 and state != AWAY:
-            if state != within:
+        while state != active_state - 1 and state != AWAY:
+            if state != active_state:
                 swap_if_equal(states, thread, state, AWAY)
             spins += 1
             if spins > SPINS_BEFORE_YIELD:

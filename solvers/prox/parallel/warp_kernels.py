@@ -52,12 +52,12 @@ def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.v
     length = contacts.length
     for side in range(2):
         body = contacts.bodies[2 * i + side] * length
-        own = 3 * length * (2 * i + side)
+        offset = 3 * length * (2 * i + side)
         for x in range(length):
             v = velocity[body + x]
-            n = n + contacts.pieces[own + x] * v
-            t = t + contacts.pieces[own + length + x] * v
-            s = s + contacts.pieces[own + 2 * length + x] * v
+            n = n + contacts.pieces[offset + x] * v
+            t = t + contacts.pieces[offset + length + x] * v
+            s = s + contacts.pieces[offset + 2 * length + x] * v
     return wp.vec3d(n, t, s)
 
 
@@ -92,10 +92,10 @@ def update_colour(contacts: Contacts, order: Indices, first: wp.int32, impulses:
     for side in range(2):
         body = contacts.bodies[2 * i + side]
         if body != contacts.idle:
-            own = 3 * length * (2 * i + side)
+            offset = 3 * length * (2 * i + side)
             for x in range(length):
-                added = contacts.pieces[own + x] * change[0] + contacts.pieces[own + length + x] * change[1]
-                added = added + contacts.pieces[own + 2 * length + x] * change[2]
+                added = contacts.pieces[offset + x] * change[0] + contacts.pieces[offset + length + x] * change[1]
+                added = added + contacts.pieces[offset + 2 * length + x] * change[2]
                 velocity[body * length + x] = velocity[body * length + x] + added
 
 
@@ -114,11 +114,11 @@ def move_bodies(contacts: Contacts, starts: Indices, touching: Indices, changes:
     body = wp.tid()
     length = contacts.length
     for p in range(starts[body], starts[body + 1]):
-        own = 3 * length * touching[p]
+        offset = 3 * length * touching[p]
         k = 3 * (touching[p] // 2)
         for x in range(length):
-            added = contacts.pieces[own + x] * changes[k] + contacts.pieces[own + length + x] * changes[k + 1]
-            added = added + contacts.pieces[own + 2 * length + x] * changes[k + 2]
+            added = contacts.pieces[offset + x] * changes[k] + contacts.pieces[offset + length + x] * changes[k + 1]
+            added = added + contacts.pieces[offset + 2 * length + x] * changes[k + 2]
             velocity[body * length + x] = velocity[body * length + x] + added
 
 

@@ -25,7 +25,7 @@ from .pairs import in_pairs
 
 
 def find_device(solver: str, name: str) -> Any:
-    """Return a device of Warp by its name.
+    """Return a device of Warp by its name; ``solver`` is the name of the solver in messages.
 
     Raises:
         SolverError: if there is no such device.
@@ -85,7 +85,7 @@ class DeviceSweep(ABC):
         contacts = warp_kernels.Contacts()
         contacts.length, contacts.idle = pieces.length, pieces.n_chunks
         self.synchronise()
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         contacts.bodies, contacts.pieces = self.indices(pieces.chunks), self.numbers(values)
         contacts.free, contacts.sizes = self.numbers(free), self.numbers(sizes)
         contacts.friction, contacts.fixed = self.numbers(friction), self.numbers(fixed)
@@ -93,7 +93,7 @@ class DeviceSweep(ABC):
         self.contacts = contacts
         self.copy_order()
         self.synchronise()
-        self.upload_seconds = time.perf_counter() - began
+        self.upload_seconds = time.perf_counter() - start_time
 
     @abstractmethod
     def coupling(self) -> FloatArray:
@@ -192,11 +192,11 @@ class JacobiDeviceSweep(DeviceSweep):
         chunks, n_bodies = self.pieces.chunks, self.pieces.n_chunks
         counts = np.bincount(chunks, minlength=n_bodies + 1)[:n_bodies]
         starts = np.concatenate([[0], np.cumsum(counts)])
-        self._of_bodies = starts, np.argsort(chunks, kind="stable")[: starts[-1]]
+        self._pieces_of_bodies = starts, np.argsort(chunks, kind="stable")[: starts[-1]]
 
     def copy_order(self) -> None:
         """Copy the list of each body, and allocate the changes of Λ."""
-        self._starts, self._touching = map(self.indices, self._of_bodies)
+        self._starts, self._touching = map(self.indices, self._pieces_of_bodies)
         self._changes = self.numbers(np.zeros(3 * self.layout.n_blocks))
 
     def launch_sweep(self, impulses: Any, velocity: Any) -> None:
@@ -215,11 +215,11 @@ class DeviceIterates:
         padded[:, : layout.width] = layout.pad(start)
         velocity = np.append(pieces.times(padded), np.zeros(pieces.length))
         sweep.synchronise()
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         self._impulses, self._velocity = sweep.numbers(padded), sweep.numbers(velocity)
         self._relative = sweep.numbers(np.zeros(padded.size))
         sweep.synchronise()
-        sweep.transfer_seconds += time.perf_counter() - began
+        sweep.transfer_seconds += time.perf_counter() - start_time
         self._sweep = sweep
         self._graphs: dict[int, Any] = {}
 
@@ -253,7 +253,7 @@ class DeviceIterates:
     def _lanes(self, values: Any) -> FloatArray:
         """Return numbers of the device in padded lanes, flat; only the copy counts as transfer."""
         self._sweep.synchronise()
-        began = time.perf_counter()
+        start_time = time.perf_counter()
         lanes: FloatArray = values.numpy().reshape(-1, 3)
-        self._sweep.transfer_seconds += time.perf_counter() - began
+        self._sweep.transfer_seconds += time.perf_counter() - start_time
         return np.ascontiguousarray(lanes[:, : self._sweep.layout.width]).reshape(-1)

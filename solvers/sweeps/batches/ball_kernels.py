@@ -27,10 +27,10 @@ WEIGHTS = 4
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def in_frame(frame, apart, turned, free):  # type: ignore[no-untyped-def]
+def in_frame(frame, difference, spin, free):  # type: ignore[no-untyped-def]
     """Return n·d + c_N, T1·d − T2·s + c_1 and T2·d + T1·s + c_2."""
     (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z) = frame
-    (dx, dy, dz), (sx, sy, sz) = apart, turned
+    (dx, dy, dz), (sx, sy, sz) = difference, spin
     along_normal = free[0] + x * dx + y * dy + z * dz
     along_first = free[1] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
     along_second = free[2] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
@@ -39,68 +39,68 @@ def in_frame(frame, apart, turned, free):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_balls(  # type: ignore[no-untyped-def]
-    count, bodies, records, share, impulses, moved, change, before, momentum, delay, sweeps, present
+    count, bodies, records, share, impulses, motion, change, before, momentum, delay, sweeps, beta
 ):
-    """Do ``count`` sweeps on Λ (``impulses``), v and τ (``moved``); other arguments as in ``pieces.sweep_batches``."""
+    """Do ``count`` sweeps on Λ (``impulses``), v and τ (``motion``); other arguments as in ``pieces.sweep_batches``."""
     two, three, six, lanes = uint64(2), uint64(3), uint64(6), uint64(LANES)
     n_batches = uint64(len(bodies)) // (two * lanes)
     moves, turn = np.empty(six * lanes), np.empty(lanes)
     for _ in range(count):
         if momentum > 0.0:
-            extrapolate(moved, before, present, 0, len(moved))
+            extrapolate(motion, before, beta, 0, len(motion))
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
-            gather_moves(bodies, pair, moved, moves)
-            record, at = uint64(NUMBERS) * lanes * batch, three * lanes * batch
-            update_impulses(records, record, share, impulses, change, at, present, turn, moves)
+            gather_moves(bodies, pair, motion, moves)
+            record, first_entry = uint64(NUMBERS) * lanes * batch, three * lanes * batch
+            update_impulses(records, record, share, impulses, change, first_entry, beta, turn, moves)
             mass = record + uint64(9) * lanes
             for lane in range(lanes):
                 a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
                 first_mass, second_mass = records[mass + lane], records[mass + lanes + lane]  # inverse masses
                 for k in range(three):
-                    push, turned = moves[lanes * k + lane], moves[lanes * (k + three) + lane]
-                    moved[a + k] += first_mass * push
-                    moved[b + k] -= second_mass * push
-                    moved[a + k + three] -= first_mass * turned
-                    moved[b + k + three] -= second_mass * turned
+                    push, torque = moves[lanes * k + lane], moves[lanes * (k + three) + lane]
+                    motion[a + k] += first_mass * push
+                    motion[b + k] -= second_mass * push
+                    motion[a + k + three] -= first_mass * torque
+                    motion[b + k + three] -= second_mass * torque
         sweeps += 1
-        present = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
-    return present
+        beta = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
+    return beta
 
 
 @njit(cache=True, inline="always")
-def gather_moves(bodies, pair, moved, moves):  # type: ignore[no-untyped-def]
+def gather_moves(bodies, pair, motion, moves):  # type: ignore[no-untyped-def]
     """Write v_i − v_j and τ_i + τ_j of a batch, whose balls begin at ``pair`` of ``bodies``, into ``moves``."""
     three, lanes = uint64(3), uint64(LANES)
     for lane in range(lanes):
         a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
         for k in range(three):
-            moves[lanes * k + lane] = moved[a + k] - moved[b + k]
-            moves[lanes * (k + three) + lane] = moved[a + k + three] + moved[b + k + three]
+            moves[lanes * k + lane] = motion[a + k] - motion[b + k]
+            moves[lanes * (k + three) + lane] = motion[a + k + three] + motion[b + k + three]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_impulses(records, record, share, impulses, change, at, present, turn, moves):  # type: ignore[no-untyped-def]
-    """Update Λ, from ``at`` on, of a batch with records from ``record`` on, and replace ``moves`` by P and n × P.
+def update_impulses(records, record, share, impulses, change, first_entry, beta, turn, moves):  # type: ignore[no-untyped-def]
+    """Update Λ of a batch, and replace ``moves``, which holds v_i − v_j and τ_i + τ_j, by P and n × P.
 
-    ``moves`` holds v_i − v_j and τ_i + τ_j. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and
-    Λ̂ = Λ + β ``change``.
+    Λ begins at ``first_entry``, and the records begin at ``record``. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes
+    Λ⁺ and Λ̂ = Λ + β ``change``.
     """
     lanes = uint64(LANES)
     k1, k2, k3, k4, k5 = lanes, uint64(2) * lanes, uint64(3) * lanes, uint64(4) * lanes, uint64(5) * lanes
     k6, k7, k8 = uint64(6) * lanes, uint64(7) * lanes, uint64(8) * lanes
     for lane in range(lanes):
-        r, n = record + lane, at + lane
+        r, n = record + lane, first_entry + lane
         t, s = n + k1, n + k2
         x, y, z = records[r], records[r + k1], records[r + k2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
-        apart = moves[lane], moves[lane + k1], moves[lane + k2]
-        turned = share * moves[lane + k3], share * moves[lane + k4], share * moves[lane + k5]
+        difference = moves[lane], moves[lane + k1], moves[lane + k2]
+        spin = share * moves[lane + k3], share * moves[lane + k4], share * moves[lane + k5]
         free = records[r + k3], records[r + k4], records[r + k5]
         frame = (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z)
-        normal, first, second = in_frame(frame, apart, turned, free)
-        ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
+        normal, first, second = in_frame(frame, difference, spin, free)
+        ahead_n, ahead_t, ahead_s = beta * change[n], beta * change[t], beta * change[s]
         old_n, old_t, old_s = impulses[n] + ahead_n, impulses[t] + ahead_t, impulses[s] + ahead_s
         size_t = records[r + k7]
         new_n = max(old_n - records[r + k6] * normal, 0.0)
@@ -124,7 +124,7 @@ def update_impulses(records, record, share, impulses, change, at, present, turn,
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def largest_violation(bodies, records, share, impulses, moved, weights, slots, rows):  # type: ignore[no-untyped-def]
+def largest_violation(bodies, records, share, impulses, motion, weights, slots, rows):  # type: ignore[no-untyped-def]
     """Write Λ over rows; return the largest violation of a law times its ratio [m/s], as ``Residual`` measures it.
 
     ξ of all contacts follows from the final v and τ, so the records are read once more than the sweeps read them.
@@ -133,25 +133,25 @@ def largest_violation(bodies, records, share, impulses, moved, weights, slots, r
         rows[row] = impulses[slots[row]]
     moves, largest = np.empty(6 * LANES), np.zeros(LANES)
     for batch in range(uint64(len(bodies)) // (uint64(2) * uint64(LANES))):
-        find_violations(bodies, records, share, impulses, moved, weights, batch, moves, largest)
+        find_violations(bodies, records, share, impulses, motion, weights, batch, moves, largest)
     return np.sqrt(largest_of_lanes(largest))
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def find_violations(bodies, records, share, impulses, moved, weights, batch, moves, largest):  # type: ignore[no-untyped-def]
+def find_violations(bodies, records, share, impulses, motion, weights, batch, moves, largest):  # type: ignore[no-untyped-def]
     """Raise ``largest`` of each lane to the squared violations of a batch, or to NaN if one is NaN."""
-    one = uint64(LANES)
-    two, three = uint64(2) * one, uint64(3) * one
-    gather_moves(bodies, two * batch, moved, moves)
-    record, at, weight = uint64(NUMBERS) * one * batch, three * batch, uint64(WEIGHTS) * one * batch
-    for lane in range(one):
-        r, n, w = record + lane, at + lane, weight + lane
+    k1 = uint64(LANES)
+    k2, k3 = uint64(2) * k1, uint64(3) * k1
+    gather_moves(bodies, k2 * batch, motion, moves)
+    record, first_entry, weight = uint64(NUMBERS) * k1 * batch, k3 * batch, uint64(WEIGHTS) * k1 * batch
+    for lane in range(k1):
+        r, n, w = record + lane, first_entry + lane, weight + lane
         normal, first, second = lane_velocity(records, r, share, moves, lane)
-        pressed, stiffness = weights[w] * impulses[n], weights[w + one]
+        pressed, stiffness = weights[w] * impulses[n], weights[w + k1]
         unilateral = pressed if pressed < normal or pressed != pressed else normal
-        bound = stiffness * (records[r + uint64(8) * one] * max(impulses[n], 0.0))
-        square = outside_disc(stiffness * impulses[n + one], stiffness * impulses[n + two], first, second, bound)
-        normal_part, friction_part = unilateral * unilateral * weights[w + two], square * weights[w + three]
+        bound = stiffness * (records[r + uint64(8) * k1] * max(impulses[n], 0.0))
+        square = outside_disc(stiffness * impulses[n + k1], stiffness * impulses[n + k2], first, second, bound)
+        normal_part, friction_part = unilateral * unilateral * weights[w + k2], square * weights[w + k3]
         part = friction_part if friction_part > normal_part or friction_part != friction_part else normal_part
         largest[lane] = part if part > largest[lane] or part != part else largest[lane]
 
@@ -159,14 +159,14 @@ def find_violations(bodies, records, share, impulses, moved, weights, batch, mov
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def lane_velocity(records, r, share, moves, lane):  # type: ignore[no-untyped-def]
     """Return ξ of one contact, whose record begins at ``r``; ``moves`` as ``gather_moves`` writes it."""
-    one = uint64(LANES)
-    two, three, four, five = uint64(2) * one, uint64(3) * one, uint64(4) * one, uint64(5) * one
-    x, y, z = records[r], records[r + one], records[r + two]
+    k1 = uint64(LANES)
+    k2, k3, k4, k5 = uint64(2) * k1, uint64(3) * k1, uint64(4) * k1, uint64(5) * k1
+    x, y, z = records[r], records[r + k1], records[r + k2]
     first, second = tangents(x, y, z)
-    apart = moves[lane], moves[lane + one], moves[lane + two]
-    turned = share * moves[lane + three], share * moves[lane + four], share * moves[lane + five]
-    free = records[r + three], records[r + four], records[r + five]
-    return in_frame(((x, y, z), first, second), apart, turned, free)
+    difference = moves[lane], moves[lane + k1], moves[lane + k2]
+    spin = share * moves[lane + k3], share * moves[lane + k4], share * moves[lane + k5]
+    free = records[r + k3], records[r + k4], records[r + k5]
+    return in_frame(((x, y, z), first, second), difference, spin, free)
 
 
 @njit(cache=True, inline="always")

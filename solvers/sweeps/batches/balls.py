@@ -43,9 +43,9 @@ class Balls(NamedTuple):
 
     def pack(self, problem: ContactProblem, sizes: FloatArray, places: IntArray, n_batches: int) -> tuple[Any, ...]:
         """Return bodies, records and slots of ``BallSweep`` for contacts at ``places`` (batch · LANES + lane)."""
-        given = self.contacts.chunks, self.contacts.normals, problem.free_velocity, sizes
+        arrays = self.contacts.chunks, self.contacts.normals, problem.free_velocity, sizes
         packed: tuple[Any, ...] = _pack(
-            *given, problem.layout.friction_coefficient, self.inverse_masses, places, n_batches
+            *arrays, problem.layout.friction_coefficient, self.inverse_masses, places, n_batches
         )
         return packed
 
@@ -56,10 +56,10 @@ class Balls(NamedTuple):
 
     def motion(self, impulses: FloatArray) -> FloatArray:
         """Return v and τ of all balls, and zeros for surfaces, from Λ over rows; flat from shape (n_balls + 1, 6)."""
-        moved = np.zeros(6 * len(self.inverse_masses))
+        motion = np.zeros(6 * len(self.inverse_masses))
         if impulses.any():
-            _write_motion(self.contacts.chunks, self.contacts.normals, self.inverse_masses, impulses, moved)
-        return moved
+            _write_motion(self.contacts.chunks, self.contacts.normals, self.inverse_masses, impulses, motion)
+        return motion
 
 
 def balls_of(problem: ContactProblem) -> Balls | None:
@@ -116,7 +116,10 @@ class BallSweep:
         return BallSweep(problem.layout, balls, problem.free_velocity, bodies, records, slots)
 
     def weights(self, residual: Residual) -> FloatArray:
-        """Return α and squared ratios of the laws in batches, 0 in empty lanes, (n_batches · WEIGHTS · LANES,)."""
+        """Return α and squared ratios of the laws in batches, 0 in empty lanes.
+
+        Their shape is (n_batches · WEIGHTS · LANES,).
+        """
         weights = np.zeros(WEIGHTS * len(self.bodies) // 2)
         write_weights(residual.alpha, residual.ratios, self.slots, weights)
         return weights
@@ -134,9 +137,9 @@ class BallIterates(MomentumState, SinglePassIterates):
         self._sweep = sweep
         self._impulses = np.zeros(3 * len(sweep.bodies) // 2)
         self._impulses[sweep.slots] = start
-        self._moved = sweep.balls.motion(start)
+        self._motion = sweep.balls.motion(start)
         self._change = np.zeros_like(self._impulses)
-        self._before = self._moved.copy() if momentum > 0.0 else self._moved
+        self._before = self._motion.copy() if momentum > 0.0 else self._motion
         self._relative = np.empty(len(start))
         self._residual: Residual | None = None
         self._weights = np.empty(0)
@@ -144,9 +147,9 @@ class BallIterates(MomentumState, SinglePassIterates):
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         data = self._sweep
-        arrays = (self._impulses, self._moved, self._change, self._before)
-        momentum = self._momentum, self._delay, self._sweeps, self._present
-        self._present = sweep_balls(count, data.bodies, data.records, data.balls.spin_share, *arrays, *momentum)
+        arrays = (self._impulses, self._motion, self._change, self._before)
+        momentum = self._momentum, self._delay, self._sweeps, self._beta
+        self._beta = sweep_balls(count, data.bodies, data.records, data.balls.spin_share, *arrays, *momentum)
         self._sweeps += count
 
     def impulses(self) -> FloatArray:
@@ -157,7 +160,7 @@ class BallIterates(MomentumState, SinglePassIterates):
         """Return ξ over rows."""
         data, contacts = self._sweep, self._sweep.balls.contacts
         share = data.balls.spin_share
-        _write_relative(contacts.chunks, contacts.normals, share, data.free, self._moved, self._relative)
+        _write_relative(contacts.chunks, contacts.normals, share, data.free, self._motion, self._relative)
         return self._relative
 
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
@@ -168,13 +171,13 @@ class BallIterates(MomentumState, SinglePassIterates):
         data, impulses = self._sweep, np.empty(len(self._sweep.slots))
         if residual is not self._residual:
             self._residual, self._weights = residual, data.weights(residual)
-        arrays = data.bodies, data.records, data.balls.spin_share, self._impulses, self._moved
+        arrays = data.bodies, data.records, data.balls.spin_share, self._impulses, self._motion
         violation = largest_violation(*arrays, self._weights, data.slots, impulses)
         return impulses, ratio(violation, residual.scale)
 
 
 def measures_squares(residual: Residual) -> bool:
-    """Return whether the residual is that of Coulomb's law, and squares of its velocities are in range."""
+    """Whether the residual is that of Coulomb's law, and squares of its velocities are in range."""
     return type(residual) is Residual and residual.unit == 1.0 and not residual.infeasible
 
 
@@ -190,10 +193,10 @@ def _write_inverse_masses(inverse, radii, inverse_masses):  # type: ignore[no-un
             if abs(inverse[6 * ball + 3 + axis] - angular) > EQUALITY_TOLERANCE * angular:
                 return 0.0
         inverse_masses[ball] = linear
-        own = radii[ball] * radii[ball] * angular / linear
+        ball_share = radii[ball] * radii[ball] * angular / linear
         if ball == 0:
-            share = own
-        if abs(own - share) > EQUALITY_TOLERANCE * share:
+            share = ball_share
+        if abs(ball_share - share) > EQUALITY_TOLERANCE * share:
             return 0.0
     return share
 
@@ -207,15 +210,15 @@ def _pack(chunks, normals, free, sizes, friction, inverse_masses, places, n_batc
     records = np.zeros(n_batches * NUMBERS * LANES)
     for c in range(len(places)):
         batch, lane = places[c] // LANES, places[c] % LANES
-        i, j, at = chunks[2 * c], chunks[2 * c + 1], NUMBERS * LANES * batch + lane
+        i, j, first_entry = chunks[2 * c], chunks[2 * c + 1], NUMBERS * LANES * batch + lane
         bodies[2 * LANES * batch + lane], bodies[(2 * batch + 1) * LANES + lane] = 6 * i, 6 * j
         for k in range(3):
-            records[at + LANES * k] = normals[c, k]
-            records[at + LANES * (3 + k)] = free[3 * c + k]
+            records[first_entry + LANES * k] = normals[c, k]
+            records[first_entry + LANES * (3 + k)] = free[3 * c + k]
             slots[3 * c + k] = LANES * (3 * batch + k) + lane
-        records[at + LANES * 6], records[at + LANES * 7] = sizes[c, 0], sizes[c, 1]
-        records[at + LANES * 8] = friction[c]
-        records[at + LANES * 9], records[at + LANES * 10] = inverse_masses[i], inverse_masses[j]
+        records[first_entry + LANES * 6], records[first_entry + LANES * 7] = sizes[c, 0], sizes[c, 1]
+        records[first_entry + LANES * 8] = friction[c]
+        records[first_entry + LANES * 9], records[first_entry + LANES * 10] = inverse_masses[i], inverse_masses[j]
     return bodies, records, slots
 
 
@@ -224,52 +227,55 @@ def write_weights(alpha, ratios, slots, weights):  # type: ignore[no-untyped-def
     """Write α of both laws of each contact, and the squares of their ratios."""
     for c in range(len(slots) // 3):
         batch, lane = slots[3 * c] // (3 * LANES), slots[3 * c] % LANES
-        at = WEIGHTS * LANES * batch + lane
+        first_entry = WEIGHTS * LANES * batch + lane
         for law in range(2):
-            share = ratios[2 * c + law]
-            weights[at + LANES * law], weights[at + LANES * (2 + law)] = alpha[2 * c + law], share * share
+            ratio_of_law = ratios[2 * c + law]
+            weights[first_entry + LANES * law], weights[first_entry + LANES * (2 + law)] = (
+                alpha[2 * c + law],
+                ratio_of_law * ratio_of_law,
+            )
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_motion(chunks, normals, inverse_masses, impulses, moved):  # type: ignore[no-untyped-def]
+def _write_motion(chunks, normals, inverse_masses, impulses, motion):  # type: ignore[no-untyped-def]
     """Write v and τ of given impulses."""
     for c in range(len(normals)):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
-        normal, one, two = impulses[3 * c], impulses[3 * c + 1], impulses[3 * c + 2]
+        normal, first, second = impulses[3 * c], impulses[3 * c + 1], impulses[3 * c + 2]
         push = (
-            normal * x + one * t1x + two * t2x,
-            normal * y + one * t1y + two * t2y,
-            normal * z + one * t1z + two * t2z,
+            normal * x + first * t1x + second * t2x,
+            normal * y + first * t1y + second * t2y,
+            normal * z + first * t1z + second * t2z,
         )
-        turn = (one * t2x - two * t1x, one * t2y - two * t1y, one * t2z - two * t1z)
+        turn = (first * t2x - second * t1x, first * t2y - second * t1y, first * t2z - second * t1z)
         for side in range(2):
             ball, sign = chunks[2 * c + side], 1.0 - 2.0 * side
             for axis in range(3):
-                moved[6 * ball + axis] += sign * inverse_masses[ball] * push[axis]
-                moved[6 * ball + 3 + axis] -= inverse_masses[ball] * turn[axis]
+                motion[6 * ball + axis] += sign * inverse_masses[ball] * push[axis]
+                motion[6 * ball + 3 + axis] -= inverse_masses[ball] * turn[axis]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_relative(chunks, normals, share, free, moved, relative):  # type: ignore[no-untyped-def]
+def _write_relative(chunks, normals, share, free, motion, relative):  # type: ignore[no-untyped-def]
     """Write ξ = GΛ + c."""
     for c in range(len(normals)):
-        found = _relative(c, chunks, normals, share, free, moved)
-        relative[3 * c], relative[3 * c + 1], relative[3 * c + 2] = found
+        xi = _relative(c, chunks, normals, share, free, motion)
+        relative[3 * c], relative[3 * c + 1], relative[3 * c + 2] = xi
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def _relative(c, chunks, normals, share, free, moved):  # type: ignore[no-untyped-def]
+def _relative(c, chunks, normals, share, free, motion):  # type: ignore[no-untyped-def]
     """Return ξ of one contact."""
     row, six = uint64(3) * uint64(c), uint64(6)
     i, j = six * uint64(chunks[uint64(2) * uint64(c)]), six * uint64(chunks[uint64(2) * uint64(c) + uint64(1)])
     normal = normals[c, 0], normals[c, 1], normals[c, 2]
     first, second = tangents(normal[0], normal[1], normal[2])
-    dx = moved[i] - moved[j]
-    dy = moved[i + uint64(1)] - moved[j + uint64(1)]
-    dz = moved[i + uint64(2)] - moved[j + uint64(2)]
-    sx = share * (moved[i + uint64(3)] + moved[j + uint64(3)])
-    sy = share * (moved[i + uint64(4)] + moved[j + uint64(4)])
-    sz = share * (moved[i + uint64(5)] + moved[j + uint64(5)])
-    own = free[row], free[row + uint64(1)], free[row + uint64(2)]
-    return in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), own)
+    dx = motion[i] - motion[j]
+    dy = motion[i + uint64(1)] - motion[j + uint64(1)]
+    dz = motion[i + uint64(2)] - motion[j + uint64(2)]
+    sx = share * (motion[i + uint64(3)] + motion[j + uint64(3)])
+    sy = share * (motion[i + uint64(4)] + motion[j + uint64(4)])
+    sz = share * (motion[i + uint64(5)] + motion[j + uint64(5)])
+    contact_free = free[row], free[row + uint64(1)], free[row + uint64(2)]
+    return in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), contact_free)

@@ -34,7 +34,7 @@ class Batches(NamedTuple):
 
 def assign_batches(pieces: Pieces) -> Batches:
     """Assign each block to a lane of a batch."""
-    places, n_batches = _deal(pieces.chunks, pieces.n_chunks)
+    places, n_batches = _assign_lanes(pieces.chunks, pieces.n_chunks)
     return Batches(places, int(n_batches))
 
 
@@ -65,25 +65,26 @@ def slots_in_batches(places: Any) -> IntArray:
 
 
 @njit(cache=True)
-def _deal(chunks, idle):  # type: ignore[no-untyped-def]
+def _assign_lanes(chunks, idle):  # type: ignore[no-untyped-def]
+    """Return the place of each block, and the number of batches."""
     n_blocks = len(chunks) // 2
     places = np.empty(n_blocks, dtype=np.int64)
     next_batch = np.zeros(idle + 1, dtype=np.int64)  # first batch after the last one that touches each chunk
-    used = np.zeros(n_blocks + 1, dtype=np.int64)  # lanes in use
+    n_used = np.zeros(n_blocks + 1, dtype=np.int64)  # lanes in use
     first_open, n_batches = 0, 0
     for block in range(n_blocks):
         batch = first_open
         for p in (2 * block, 2 * block + 1):
             if chunks[p] != idle:
                 batch = max(batch, next_batch[chunks[p]])
-        while used[batch] == LANES:
+        while n_used[batch] == LANES:
             batch += 1
-        places[block] = LANES * batch + used[batch]
-        used[batch] += 1
+        places[block] = LANES * batch + n_used[batch]
+        n_used[batch] += 1
         for p in (2 * block, 2 * block + 1):
             next_batch[chunks[p]] = batch + 1
         n_batches = max(n_batches, batch + 1)
-        while used[first_open] == LANES:
+        while n_used[first_open] == LANES:
             first_open += 1
     return places, n_batches
 
@@ -94,83 +95,83 @@ def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed,
     length = values.shape[2]
     pieces, numbers = values.reshape(-1), uint64(6 * length)
     block_at = np.zeros(n_batches * LANES, dtype=np.uint64)
-    used = np.zeros(n_batches, dtype=np.uint64)
+    n_used = np.zeros(n_batches, dtype=np.uint64)
     for block in range(len(places)):
         block_at[places[block]] = block
-        used[places[block] // LANES] += 1
+        n_used[places[block] // LANES] += 1
     bodies = np.full(n_batches * 2 * LANES, idle * length, dtype=np.uint64)
     records = np.zeros(n_batches * (6 * length + 9) * LANES)
-    one, two, three, lanes, at = uint64(1), uint64(2), uint64(3), uint64(LANES), uint64(0)
+    one, two, three, lanes, first_entry = uint64(1), uint64(2), uint64(3), uint64(LANES), uint64(0)
     for batch in range(uint64(n_batches)):
         for k in range(numbers):
-            for lane in range(used[batch]):
-                records[at + lane] = pieces[numbers * block_at[batch * lanes + lane] + k]
-            at += lanes
-        for lane in range(used[batch]):
-            block, here = block_at[batch * lanes + lane], at + lane
+            for lane in range(n_used[batch]):
+                records[first_entry + lane] = pieces[numbers * block_at[batch * lanes + lane] + k]
+            first_entry += lanes
+        for lane in range(n_used[batch]):
+            block, law_entry = block_at[batch * lanes + lane], first_entry + lane
             bodies[two * batch * lanes + lane] = chunks[two * block] * length
             bodies[(two * batch + one) * lanes + lane] = chunks[two * block + one] * length
             for k in range(three):
-                records[here + k * lanes] = free[three * block + k]
+                records[law_entry + k * lanes] = free[three * block + k]
             for k in range(two):
-                records[here + (three + k) * lanes] = sizes[two * block + k]
-                records[here + (uint64(7) + k) * lanes] = coupling[two * block + k]
-            records[here + uint64(5) * lanes] = fixed[block]
-            records[here + uint64(6) * lanes] = friction[block]
-        at += uint64(9) * lanes
+                records[law_entry + (three + k) * lanes] = sizes[two * block + k]
+                records[law_entry + (uint64(7) + k) * lanes] = coupling[two * block + k]
+            records[law_entry + uint64(5) * lanes] = fixed[block]
+            records[law_entry + uint64(6) * lanes] = friction[block]
+        first_entry += uint64(9) * lanes
     return bodies, records
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_batches(  # type: ignore[no-untyped-def]
-    count, axes, bodies, records, impulses, scaled, change, before, momentum, delay, sweeps, present
+    count, axes, bodies, records, impulses, scaled, change, before, momentum, delay, sweeps, beta
 ):
     """Do ``count`` sweeps, and return the β of the sweep after them.
 
     ``impulses`` is Λ in the order of ``slots_in_batches``, and ``scaled`` is v = W̃ Λ, with an idle chunk last.
     ``change`` is the change of Λ in the previous sweep. With momentum, ``before`` is the v at which that sweep began.
-    ``present`` is the β of the next sweep. ``momentum`` and ``delay`` are those of ``MomentumState`` after ``sweeps``
+    ``beta`` is the β of the next sweep. ``momentum`` and ``delay`` are those of ``MomentumState`` after ``sweeps``
     sweeps.
     """
     two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
     row, n_batches = lanes * length, uint64(len(bodies)) // (two * lanes)
-    own, others, turn = np.empty(two * row), np.empty(two * row), np.empty(lanes)
+    v_before, v_after, turn = np.empty(two * row), np.empty(two * row), np.empty(lanes)
     for _ in range(count):
         if momentum > 0.0:
-            extrapolate(scaled, before, present, 0, len(scaled))
+            extrapolate(scaled, before, beta, 0, len(scaled))
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
-                    own[lanes * x + lane] = scaled[a + x]
-                    own[lanes * (length + x) + lane] = scaled[b + x]
-            begin, at = (uint64(6) * row + uint64(9) * lanes) * batch, three * lanes * batch
-            update_batch(axes, records, begin, impulses, change, at, present, turn, own, others)
+                    v_before[lanes * x + lane] = scaled[a + x]
+                    v_before[lanes * (length + x) + lane] = scaled[b + x]
+            begin, first_entry = (uint64(6) * row + uint64(9) * lanes) * batch, three * lanes * batch
+            update_batch(axes, records, begin, impulses, change, first_entry, beta, turn, v_before, v_after)
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
-                    scaled[a + x] = others[lanes * x + lane]
-                    scaled[b + x] = others[lanes * (length + x) + lane]
+                    scaled[a + x] = v_after[lanes * x + lane]
+                    scaled[b + x] = v_after[lanes * (length + x) + lane]
         sweeps += 1
-        present = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
-    return present
+        beta = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
+    return beta
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_batch(axes, records, begin, impulses, change, at, present, turn, before, after):  # type: ignore[no-untyped-def]
+def update_batch(axes, records, begin, impulses, change, first_entry, beta, turn, before, after):  # type: ignore[no-untyped-def]
     """Update the impulses of one batch.
 
-    Its record begins at ``begin`` of ``records``, and its Λ at ``at`` of ``impulses``. Read v of its bodies from
-    ``before``, and write it to ``after``. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and
-    Λ̂ = Λ + β ``change``.
+    Its record begins at ``begin`` of ``records``, and its Λ at ``first_entry`` of ``impulses``. Read v of its bodies
+    from ``before``, and write it to ``after``. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and Λ̂ = Λ + β
+    ``change``.
     """
     two, lanes, length = uint64(2), uint64(LANES), uint64(len(axes))
     row = lanes * length
     law = begin + uint64(6) * row
     for lane in range(lanes):
-        a, c, n = begin + lane, law + lane, at + lane
+        a, c, n = begin + lane, law + lane, first_entry + lane
         b, t, s = a + uint64(3) * row, n + lanes, n + two * lanes
         normal, first, second = records[c], records[c + lanes], records[c + two * lanes]
         normal_b, first_b, second_b = 0.0, 0.0, 0.0
@@ -182,7 +183,7 @@ def update_batch(axes, records, begin, impulses, change, at, present, turn, befo
             normal_b += records[b + lanes * x] * v_b
             first_b += records[b + row + lanes * x] * v_b
             second_b += records[b + two * row + lanes * x] * v_b
-        ahead_n, ahead_t, ahead_s = present * change[n], present * change[t], present * change[s]
+        ahead_n, ahead_t, ahead_s = beta * change[n], beta * change[t], beta * change[s]
         old_n, old_t, old_s = impulses[n] + ahead_n, impulses[t] + ahead_t, impulses[s] + ahead_s
         size_n, size_t = records[c + uint64(3) * lanes], records[c + uint64(4) * lanes]
         new_n = max(old_n - size_n * (normal + normal_b), 0.0)
