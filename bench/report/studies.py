@@ -107,9 +107,9 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
     for failed in table[table["reason"] != ""].drop_duplicates(["solver", "reason"]).to_dict("records"):
         note = f"{failed['solver']} at {failed['tolerance']:.2g}: {failed['reason']}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
-    overlapping = table[table["overlapping_steps"] > 0].drop_duplicates(["solver", "tolerance"])
-    for point in overlapping.to_dict("records"):
-        note = f"{point['solver']} at {point['tolerance']:.2g}: {overlap_words(int(point['overlapping_steps']))}"
+    with_overlaps = table[table["overlapping_steps"] > 0].drop_duplicates(["solver", "tolerance"])
+    for row in with_overlaps.to_dict("records"):
+        note = f"{row['solver']} at {row['tolerance']:.2g}: {overlap_words(int(row['overlapping_steps']))}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
 
 

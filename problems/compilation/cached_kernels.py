@@ -24,7 +24,7 @@ _DIGESTS: dict[str, bytes] = {}
 """Digests of modules by name; that of a module with kernels is computed when its first kernel is defined."""
 
 
-class SourceLocator(_CacheLocator):  # type: ignore[misc]
+class SourceLocator(_CacheLocator):
     """The folder in which numba's own locators cache a kernel of this package, and the digest of its sources."""
 
     def __init__(self, locator: Any, digest: bytes) -> None:
@@ -36,7 +36,8 @@ class SourceLocator(_CacheLocator):  # type: ignore[misc]
         module = py_func.__module__
         if not module.startswith(f"{PACKAGE}."):
             return None
-        others = (other for other in CacheImpl._locator_classes if other is not cls)
+        locators: list[Any] = CacheImpl._locator_classes
+        others = (other for other in locators if other is not cls)
         base = next((locator for other in others if (locator := other.from_function(py_func, py_file))), None)
         try:
             return cls(base, source_digest(module, py_func.__globals__)) if base else None

@@ -343,7 +343,8 @@ class Laws:
         values = frozen(friction, np.float64, "friction")
         if values.shape not in ((), (1,), normal.shape):
             raise ProblemError(
-                f"friction is one number or one for each of the {len(normal)} unilateral laws, got shape {values.shape}."
+                f"friction is one number, or one for each of the {len(normal)} unilateral laws, "
+                f"got shape {values.shape}."
             )
         coefficient = np.broadcast_to(values, normal.shape)
         return Laws.in_order(

@@ -255,9 +255,9 @@ def _along(packed, body, corners, edge):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _write_face_contacts(
+def _write_face_contacts(  # type: ignore[no-untyped-def]
     packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, numbers, count
-):  # type: ignore[no-untyped-def]
+):
     """Write the contacts of a face of body ``r`` with the opposing face of body ``o``, clipped by its sides."""
     normal, facing, least_cosine = normals_r[face], 0, np.inf
     for k in range(len(normals_o)):
