@@ -108,8 +108,8 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
         note = f"{failed['solver']} at {failed['tolerance']:.2g}: {failed['reason']}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
     with_overlaps = table[table["overlapping_steps"] > 0].drop_duplicates(["solver", "tolerance"])
-    for row in with_overlaps.to_dict("records"):
-        note = f"{row['solver']} at {row['tolerance']:.2g}: {overlap_words(int(row['overlapping_steps']))}"
+    for record in with_overlaps.to_dict("records"):
+        note = f"{record['solver']} at {record['tolerance']:.2g}: {overlap_words(int(record['overlapping_steps']))}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
 
 
