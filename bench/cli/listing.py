@@ -15,6 +15,7 @@ from ...problems.exchange.index import ProblemSummary, stored_summaries, summary
 from ...problems.exchange.plugins.offers import Offer
 from ...problems.exchange.plugins.scenes import plugin_scenes
 from ...problems.motion.scenes.registry import SCENES
+from ...solvers.documentation import documentation_of
 from ...solvers.peers.installed import check_installed
 from ...solvers.registry import available, composites, create, natives, on_devices, parts, peers, plugin_solvers
 from ..errors import BenchError
@@ -81,7 +82,8 @@ def print_listing(names: dict[str, list[Row]], with_options: bool = False) -> No
 
     Args:
         names: as ``listing_rows`` returns it.
-        with_options: print each option of a built-in scene with its meaning.
+        with_options: print what a single built-in solver does, and each option of a built-in solver or scene with its
+            meaning.
     """
     for kind, rows in names.items():
         print(kind)
@@ -97,12 +99,26 @@ def print_listing(names: dict[str, list[Row]], with_options: bool = False) -> No
             if parts_of_robust := [(row["name"], text(row)) for row in rows if row["name"] in internal]:
                 print("\nparts of Robust")
                 _print_rows(parts_of_robust)
-            if with_options and rows[0]["name"] in SCENES and kind == "scenes":
-                print("\noptions")
-                _print_rows(_option_rows(rows[0]["name"]))
+            if with_options:
+                _print_details(kind, rows[0])
         print()
     if "suites" in names or len(names) > 1:
         print("members of a suite: proxbench list problems --suite NAME")
+
+
+def _print_details(kind: str, row: Row) -> None:
+    """Print the summary of a built-in solver, and the options of a built-in solver or scene."""
+    name, options = row["name"], list[tuple[str, str]]()
+    if kind == "scenes" and name in SCENES:
+        options = _option_rows(name)
+    if kind == "solvers" and name in available() and not row["source"]:
+        summary, meanings = documentation_of(name)
+        defaults = dict(text.split("=", 1) for text in row["options"])
+        options = [(f"{key}={defaults[key]}", meaning) for key, meaning in meanings.items() if key in defaults]
+        print(f"\n{textwrap.fill(summary, output_width(), break_on_hyphens=False)}")
+    if options:
+        print("\noptions")
+        _print_rows(options)
 
 
 def _print_rows(rows: Sequence[tuple[str, str]]) -> None:

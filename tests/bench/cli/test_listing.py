@@ -71,6 +71,16 @@ def test_a_name_is_listed_alone(what: str, name: str, words: str, capsys: pytest
     assert [row] == [one for one in listing_rows(what)[what] if one["name"] == name.partition("(")[0]]
 
 
+def test_a_single_solver_is_listed_with_its_summary_and_the_meaning_of_each_option(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run_command(["list", "solvers", "NSGS"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "Nonsmooth (block) Gauss–Seidel: " in text
+    assert " options relaxation=1.0 ω" in text
+    assert "`" not in text
+
+
 def test_listed_names_are_not_wrapped_without_a_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
