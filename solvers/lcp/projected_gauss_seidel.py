@@ -35,7 +35,7 @@ class PyramidPGS(Method):
 
     Attributes:
         sides: k, the number of sides of a friction pyramid; even and at least 4.
-        relaxation: ω.
+        relaxation: ω, the factor of each change of an impulse, as in ``SORprox``.
 
     Raises:
         SolverError: if an option is out of range.

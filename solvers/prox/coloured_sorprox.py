@@ -48,7 +48,8 @@ class ColouredSORprox(Method):
 
     Attributes:
         relaxation: ω, as in ``SORprox``.
-        momentum, momentum_delay: β and d, as in ``SORprox``.
+        momentum: β, the fraction of the last change that is added before each sweep, as in ``SORprox``.
+        momentum_delay: d; after k sweeps, β is at most k/(k + d), as in ``SORprox``.
         threads: number of threads, at most the number of cores that the process may use. Fewer are used, and the
             message says so, if there are fewer than 2000 contacts per thread, or if few slabs hold most contacts.
 

@@ -16,4 +16,4 @@ def test_a_solver_has_a_summary_and_a_meaning_of_each_option(name: str) -> None:
     assert summary.endswith(".")
     options = {option.name for option in inspect.signature(factory(name)).parameters.values()} - UNDOCUMENTED
     assert options <= set(meanings)
-    assert all(len(meaning) > 10 for meaning in meanings.values())
+    assert all(len(meaning) > 10 for meaning in meanings.values()), meanings
