@@ -74,7 +74,7 @@ def test_a_page_beside_a_table_counts_solved_of_supported_problems_by_family() -
         for problem, outcome in zip(problems, ends, strict=True)
     ]
     page = matrix_page(made, 1e-8, "proxbench matrix", table="cells.csv")
-    assert "[cells.csv](cells.csv) has the result of every solver on every problem" in page
+    assert "[cells.csv](cells.csv) contains the result of every solver on every problem" in page
     assert "| solver | wedges | rods | degenerate |" in page
     assert "| `A` | 1/1 | 0/1 | – |" in page
     assert "| `B` | 1/1 | 1/1 | 1/1 |" in page

@@ -149,9 +149,8 @@ def test_a_slip_that_turns_round_between_two_steps_is_a_switching_point() -> Non
     assert turn.begin - 1e-8 <= 1.0 / deceleration <= turn.end + 1e-8
 
 
-def estimated_errors(system: Any, start: State, levels: int) -> list[float]:
+def estimated_errors(system: Any, start: State, stepper: Any, levels: int) -> list[float]:
     """Return the error estimates of a step and of a step of half the length."""
-    stepper = Extrapolated(tolerance=1e-300, levels=levels)
     counter = StepCounter(system, create("SORprox"), Stop(1e-12))
 
     def error(length: float) -> float:
@@ -161,13 +160,23 @@ def estimated_errors(system: Any, start: State, levels: int) -> list[float]:
     return [error(length) for length in (0.1, 0.05)]
 
 
-@pytest.mark.parametrize(("levels", "reversible", "order"), [(2, True, 3), (3, True, 5), (2, False, 2), (3, False, 3)])
-def test_the_error_estimate_falls_with_the_order_that_step_control_reckons_with(
-    levels: int, reversible: bool, order: int
+@pytest.mark.parametrize(
+    ("stepper", "levels", "reversible", "order"),
+    [
+        (Extrapolated(tolerance=1e-300, levels=2), 2, True, 3),
+        (Extrapolated(tolerance=1e-300, levels=3), 3, True, 5),
+        (Extrapolated(tolerance=1e-300, levels=2), 2, False, 2),
+        (Extrapolated(tolerance=1e-300, levels=3), 3, False, 3),
+        (StepDoubling(tolerance=1e-300), 2, True, 3),
+        (StepDoubling(tolerance=1e-300), 2, False, 2),
+    ],
+)
+def test_the_error_estimate_falls_with_the_order_that_step_control_assumes(
+    stepper: Any, levels: int, reversible: bool, order: int
 ) -> None:
     system = oscillator(reversible)
-    coarse, fine = estimated_errors(system, State(0.0, np.array([1.0]), np.array([0.3])), levels)
-    assert Extrapolated(levels=levels).error_order(levels, system) == order
+    coarse, fine = estimated_errors(system, State(0.0, np.array([1.0]), np.array([0.3])), stepper, levels)
+    assert stepper.error_order(levels, system) == order
     assert np.log2(coarse / fine) == pytest.approx(order, abs=0.2)
 
 
@@ -176,7 +185,7 @@ def test_balls_which_drag_slows_down_are_extrapolated_with_all_powers_of_the_ste
     """Systems of balls do not declare reversibility, and drag is irreversible."""
     system = ball_system(np.array([0.1]), np.array([1.0]), [], (Drag(0.5),))
     start = State(0.0, np.array([0.0, 0.0, 9.0]), np.array([1.0, 0.0, 0.5]))
-    coarse, fine = estimated_errors(system, start, levels)
+    coarse, fine = estimated_errors(system, start, Extrapolated(tolerance=1e-300, levels=levels), levels)
     assert Extrapolated(levels=levels).error_order(levels, system) == levels
     assert np.log2(coarse / fine) == pytest.approx(levels, abs=0.2)
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import cos, sin, sqrt
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from proxbench.problems.motion.scenes.scene import bare_scene
 from proxbench.problems.motion.scenes.woodpecker import DESCENT, PERIOD, published_start, section_start, woodpecker
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.event_driven.event_driven import EventDriven
+from proxbench.problems.motion.stepping.event_driven.integration import Integration
 from proxbench.problems.motion.stepping.event_driven.motion import AccumulationError, Motion, MotionError
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Solution, Status, Stop, create
@@ -87,6 +89,15 @@ def test_bouncing_ball_raises_at_the_accumulation_point() -> None:
         assert event.impulses[0] == pytest.approx(1.5 * 0.5**impact * sqrt(2.0 * 9.81), abs=1e-10)
     for time in np.linspace(0.0, 0.99 * ball.rest_time, 50):
         assert error.motion.at(time).position[0] == pytest.approx(ball.exact(time).position[2], abs=1e-11)
+
+
+def test_impacts_of_one_contact_accumulate_although_a_contact_before_it_hits_for_the_first_time() -> None:
+    """Contact 1 has hit at 0 and 1 s, and hits again at 1.25 s together with contact 0."""
+    motion = SimpleNamespace(_impacts={1: [0.0, 1.0]}, time=1.25, flight=0.5, motion=lambda: None)
+    with pytest.raises(AccumulationError) as raised:
+        Integration._check_accumulation(motion, np.array([True, True]))  # type: ignore[arg-type]
+    assert raised.value.impacts == 3
+    assert raised.value.accumulation_time == pytest.approx(1.25 + 0.25 / 3.0)
 
 
 def test_steps_of_a_motion_join_and_none_takes_longer_than_the_longest_step() -> None:
