@@ -184,7 +184,7 @@ def _is_caused_by_memory(error: BaseException) -> bool:
 
 
 def _one_line(error: BaseException) -> str:
-    """Return an exception in one line, even if its __str__ raises."""
+    """Return a one-line description of an exception, even if its __str__ raises."""
     try:
         return first_line(error)
     except BaseException:

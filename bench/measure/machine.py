@@ -39,18 +39,22 @@ def this_machine() -> Machine:
         thread_pools=[msgspec.convert(pool, ThreadPool) for pool in threadpool_info()],
         commit=_git("rev-parse", "HEAD"),
         dirty=bool(_git("status", "--porcelain", "--", ":/", ":(exclude,top)results")),  # results are not code
-        source=_source(),
+        source=_source_digest(),
         host=platform.node(),
     )
 
 
 def busy_seconds(except_cores: Set[int]) -> float:
-    """Return the busy time of all cores but ``except_cores`` since the system started [s]; 0 if none is excepted."""
+    """Return the busy time of all cores but ``except_cores`` since the system started [s].
+
+    The result is 0 if ``except_cores`` is empty, because a process that is not pinned may run on any core.
+    """
     if not except_cores:
         return 0.0
     times_of_others = [
         times for number, times in enumerate(psutil.cpu_times(percpu=True)) if number not in except_cores
     ]
+    # user to steal; guest times, which follow on Linux, are part of the user times
     return float(sum(sum(times[:8]) - times.idle - getattr(times, "iowait", 0.0) for times in times_of_others))
 
 
@@ -68,7 +72,7 @@ def _processor() -> str:
     return platform.processor() or platform.machine()
 
 
-def _source() -> str:
+def _source_digest() -> str:
     """Return the SHA-256 of the names and contents of the source files of this package."""
     package, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
     for file in sorted(path for part in ("problems", "solvers", "bench") for path in (package / part).rglob("*.py")):

@@ -64,8 +64,8 @@ class RemoteSolver(RenewedWorker):
 
         Args:
             solver: the solver.
-            seconds: wall time of a request beyond the time limit of its solve [s], for preparing and for the last
-                iteration.
+            seconds: wall time limit of a request [s]. A solve has its own time limit in addition, so that ``seconds``
+                covers the preparation and the last iteration.
             memory_bytes: memory limit [bytes], in addition to the memory that the framework needs.
             limit_seconds: wall time limit of preparing and solving together [s], after which a request has
                 ``GRACE_SECONDS`` to end. If infinite, ``seconds`` applies instead.
@@ -112,6 +112,9 @@ class RemoteSolver(RenewedWorker):
             request: name of the request.
             arguments: its arguments.
             max_seconds: time limit of the solve [s].
+
+        Returns:
+            The fields of the answer, and its binary content, as ``SolvingTask.answer`` returns them.
 
         Raises:
             FailedSolveError: if the solver does not answer.
@@ -167,13 +170,13 @@ class RemotePrepared:
         arguments = stop, start, observe is not None, self.solver.has_one_limit
         answer, _ = self.solver.ask_in_time("solve", *arguments, max_seconds=stop.max_seconds)
         _, content = self.solver.ask("impulses")  # outside the time limit: the transfer of iterates does not count
-        shown: Any = answer.get("shown")
+        iterations: Any = answer.get("observed_iterations")
         n_rows = self.problem.n_rows
-        if answer_fault(answer) or not are_iterations(shown) or len(content) != 8 * n_rows * (len(shown) + 1):
+        if answer_fault(answer) or not are_iterations(iterations) or len(content) != 8 * n_rows * (len(iterations) + 1):
             raise self.solver.failure(invalid_answer_fault())
-        rows = np.frombuffer(content, dtype=np.float64).reshape(len(shown) + 1, n_rows)
+        rows = np.frombuffer(content, dtype=np.float64).reshape(len(iterations) + 1, n_rows)
         if observe is not None:
-            for iteration, impulses in zip(shown, rows[1:], strict=True):
+            for iteration, impulses in zip(iterations, rows[1:], strict=True):
                 observe(iteration, impulses)
         return Solution(rows[0].copy(), Status(answer["status"]), answer["iterations"], answer["message"])
 
@@ -187,9 +190,11 @@ def answer_fault(answer: dict[str, Any]) -> str | None:
     return None
 
 
-def are_iterations(shown: Any) -> bool:
-    """Return whether ``shown`` is a list of valid iteration numbers."""
-    return isinstance(shown, list) and all(type(number) is int and 0 <= number <= MAX_ITERATIONS for number in shown)
+def are_iterations(numbers: Any) -> bool:
+    """Return whether ``numbers`` is a list of valid iteration numbers."""
+    return isinstance(numbers, list) and all(
+        type(number) is int and 0 <= number <= MAX_ITERATIONS for number in numbers
+    )
 
 
 @dataclass
@@ -197,6 +202,9 @@ class SolvingTask:
     """The task of the child process, which answers requests.
 
     The requests are "problem", "supports", "prepare", "solve", and "impulses" for the impulses of the last solve.
+
+    Attributes:
+        solver_spec: the specification from which the child process creates the solver.
     """
 
     solver_spec: SolverSpec
@@ -207,7 +215,7 @@ class SolvingTask:
     _impulses: bytes = b""
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request.
+        """Answer one request with JSON fields and binary content.
 
         Raises:
             MisbehaviourError: if the solver breaks its contract.
@@ -245,12 +253,12 @@ class SolvingTask:
         has_one_limit: bool,
     ) -> tuple[dict[str, Any], bytes]:
         assert self._prepared is not None
-        shown: list[int] = []
+        observed_iterations: list[int] = []
         iterates: list[FloatArray] = []
 
         def record(iteration: int, impulses: FloatArray) -> None:
             iterates.append(np.array(impulses, dtype=np.float64))
-            shown.append(int(iteration))
+            observed_iterations.append(int(iteration))
             shape = iterates[-1].shape
             if shape != (problem.n_rows,):
                 raise MisbehaviourError(f"it passed impulses of shape {shape} to its observer, not (n_rows,)")
@@ -272,14 +280,14 @@ class SolvingTask:
             "status": solution.status.value,
             "iterations": int(solution.iterations),
             "message": str(solution.message),
-            "shown": shown,
+            "observed_iterations": observed_iterations,
         }
         self._impulses = np.array([solution.impulses, *iterates], dtype=np.float64).tobytes()
         return answer, b""
 
 
 def local_or_remote_solver(name: str, seconds: float = REQUEST_SECONDS) -> Solver:
-    """Return a solver by its name: a built-in solver itself, a plugin's solver in a separate process.
+    """Create a solver by its name, in a separate process if it comes from a plugin.
 
     Args:
         name: name of the solver, with or without options.
@@ -308,7 +316,7 @@ def open_solver(solver: SolverSpec, limit_seconds: float = np.inf) -> Iterator[S
 
 
 def _create_solver(solver: SolverSpec, seconds: float = REQUEST_SECONDS, limit_seconds: float = np.inf) -> Solver:
-    """Return a built-in solver itself, any other solver in a separate process."""
+    """Create a solver, in a separate process unless it is built in."""
     if solver.is_built_in:
         return solver.make()
     remote = RemoteSolver(solver, seconds, limit_seconds=limit_seconds)

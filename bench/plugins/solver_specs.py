@@ -1,4 +1,4 @@
-"""Solvers as data, from which other processes create them.
+"""Specifications from which other processes create solvers.
 
 Built-in solvers are created in any process. Solvers of plugins and of the caller are created and examined in child
 processes only, so that none of their code runs where results are judged.
@@ -28,11 +28,11 @@ class SolverSpec:
         name: its name, with options.
         model: the model that it solves.
         has_iterates: whether its iterates can be observed.
-        source: its plugin, for messages; empty for a built-in solver and for an object.
-        pickled: a pickled object of the caller; empty if the name suffices to create the solver.
+        source: its plugin, for messages; empty for a built-in solver and for a solver object of the caller.
+        pickled: the pickled solver object of the caller; empty if the name suffices to create the solver.
         is_randomised: whether the solver declares that its answers differ between repeats.
         threads: number of threads that it declares.
-        files: the files in other languages that it needs, with their digests.
+        files: the shared libraries and executables that it needs, with their digests.
         starts_warm: whether it starts from its own answer to the previous step.
     """
 
@@ -91,7 +91,7 @@ def built_in(name: str) -> SolverSpec:
 
 
 def warm(spec: SolverSpec) -> SolverSpec:
-    """Return the specification of ``Warm(solver)``; a warm solver remains unchanged."""
+    """Return the specification of ``Warm(solver)``; a specification that already starts warm is returned as is."""
     return spec if spec.starts_warm else replace(spec, name=warm_name(spec.name), starts_warm=True)
 
 

@@ -1,9 +1,11 @@
-"""CvxpyCoulomb: the fixed-point iteration of ``fixed_point`` for Coulomb friction, with the solvers of cvxpy.
+"""Solve problems with Coulomb friction by the fixed-point iteration of ``fixed_point``, with the solvers of cvxpy.
+
+Each iteration solves the program
 
     minimise ½ ‖R y‖² + bᵀy      subject to   y_N ≥ 0,   ‖y_T‖ ≤ a + μ y_N      for every contact,
 
-with G = RᵀR. R is W̃ where the factors are known; otherwise it is computed from the eigenvalues of G. y is Λ in the
-units of ``programs.Scaling``, and the regularisation is that of ``programs``. The linear term is a parameter: cvxpy
+with G = RᵀR. R is W̃ if the factors are known; otherwise it is computed from the eigenvalues of G. y is Λ in the units
+of ``programs.Scaling``. The program may be regularised as in ``programs``. The linear term is a parameter: cvxpy
 compiles the program once, and later runs replace only b. ``ClarabelCoulomb`` solves the same program without cvxpy,
 which saves the time for compiling.
 """
@@ -12,7 +14,7 @@ import importlib
 import time
 import warnings
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,16 +28,25 @@ from .programs import ConicResult, ConicStatus, Scaling, friction_parts, unsuppo
 MAX_CONTACTS = 2500
 """Largest number of contacts; compiling takes 0.5 GB for 1000 contacts and 1.4 GB for 2000."""
 
-_OPTIONS: dict[str, tuple[tuple[str, ...], str, str]] = {
-    "CLARABEL": (("tol_gap_abs", "tol_gap_rel", "tol_feas"), "max_iter", "time_limit"),
-    "SCS": (("eps_abs", "eps_rel"), "max_iters", "time_limit_secs"),
-    "OSQP": (("eps_abs", "eps_rel"), "max_iter", "time_limit"),
-    "ECOS": (("abstol", "reltol", "feastol"), "max_iters", ""),
-    "CVXOPT": (("abstol", "reltol", "feastol"), "max_iters", ""),
-    "PROXQP": (("eps_abs", "eps_rel"), "max_iter", ""),
-    "PIQP": (("eps_abs", "eps_rel"), "max_iter", ""),
+
+class _OptionNames(NamedTuple):
+    """Names of the options of a solver: its tolerances, iteration limit and time limit; empty if it has none."""
+
+    tolerances: tuple[str, ...] = ()
+    iteration_limit: str = ""
+    time_limit: str = ""
+
+
+_OPTION_NAMES = {
+    "CLARABEL": _OptionNames(("tol_gap_abs", "tol_gap_rel", "tol_feas"), "max_iter", "time_limit"),
+    "SCS": _OptionNames(("eps_abs", "eps_rel"), "max_iters", "time_limit_secs"),
+    "OSQP": _OptionNames(("eps_abs", "eps_rel"), "max_iter", "time_limit"),
+    "ECOS": _OptionNames(("abstol", "reltol", "feastol"), "max_iters"),
+    "CVXOPT": _OptionNames(("abstol", "reltol", "feastol"), "max_iters"),
+    "PROXQP": _OptionNames(("eps_abs", "eps_rel"), "max_iter"),
+    "PIQP": _OptionNames(("eps_abs", "eps_rel"), "max_iter"),
 }
-"""Names of the tolerances, the iteration limit and the time limit of each solver; other solvers keep their defaults."""
+"""Option names of each solver; other solvers keep their defaults."""
 
 BUNDLED_CONIC = "CLARABEL"
 """A conic solver that cvxpy installs."""
@@ -74,8 +85,8 @@ class CvxpyCoulomb(FixedPointMethod):
         laws = problem.laws
         if (laws.row_count > 1).any() and not supports_cones(self.solver):
             is_spatial = (laws.row_count[~laws.is_rolling] > 1).any()
-            discs = "spatial friction" if is_spatial else "rolling friction about several axes"
-            return f"it has {discs}, and {self.solver} does not support second-order cones"
+            friction = "spatial friction" if is_spatial else "rolling friction about several axes"
+            return f"it has {friction}, and {self.solver} does not support second-order cones"
         if problem.n_contacts > MAX_CONTACTS:
             return (
                 f"it has {problem.n_contacts} contacts; with more than {MAX_CONTACTS}, cvxpy needs gigabytes to compile"
@@ -108,12 +119,16 @@ def check_solver(name: str) -> None:
 
 
 def supports_cones(name: str) -> bool:
-    """Whether the installed solver ``name`` supports second-order cones."""
+    """Return whether the installed solver ``name`` supports second-order cones."""
     return name == BUNDLED_CONIC or name in installed_solvers(cones=True)
 
 
 def installed_solvers(cones: bool) -> list[str]:
-    """Return the installed solvers of cvxpy that support second-order cones and, unless ``cones``, the QP solvers."""
+    """Return the names of installed solvers of cvxpy.
+
+    Args:
+        cones: whether to omit quadratic solvers that do not support second-order cones.
+    """
     cp = cvxpy()
     defines = importlib.import_module("cvxpy.reductions.solvers.defines")
     names = []
@@ -129,6 +144,13 @@ class CvxpyProgram:
     """A cvxpy program with the impulses as variables; see ``programs.ConicProgram``."""
 
     def __init__(self, problem: ContactProblem, solver: str, weight: FloatArray | None = None) -> None:
+        """Compile the program.
+
+        Args:
+            problem: the problem.
+            solver: name of an installed solver of cvxpy.
+            weight: weights w [1/kg] of the regularisation diag(w), shape (n_rows,); none by default.
+        """
         cp = cvxpy()
         self._problem, self._solver = problem, solver
         self._scaling = scaling = Scaling(problem)
@@ -144,15 +166,15 @@ class CvxpyProgram:
         self._program.get_problem_data(solver)  # compiles the program and caches the result
 
     def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
-        """See ``ConicProgram``."""
+        """Solve with another linear term; see ``ConicProgram.run``."""
         cp = cvxpy()
         self._linear.value = velocity * (self._scaling.impulse / self._scaling.energy)
-        tolerances, iteration_limit, time_limit = _OPTIONS.get(self._solver, ((), "", ""))
-        options: dict[str, float] = dict.fromkeys(tolerances, accuracy)
-        if iteration_limit:
-            options[iteration_limit] = max(1, min(MAX_SOLVER_ITERATIONS, iterations))
-        if time_limit:
-            options[time_limit] = max(seconds, 1e-3)
+        names = _OPTION_NAMES.get(self._solver, _OptionNames())
+        options: dict[str, float] = dict.fromkeys(names.tolerances, accuracy)
+        if names.iteration_limit:
+            options[names.iteration_limit] = max(1, min(MAX_SOLVER_ITERATIONS, iterations))
+        if names.time_limit:
+            options[names.time_limit] = max(seconds, 1e-3)
         start_time = time.perf_counter()
         try:
             with warnings.catch_warnings():
@@ -169,16 +191,16 @@ class CvxpyProgram:
         if scaled_impulses is not None:
             impulses = self._scaling.impulse * scaled_impulses
         stats = self._program.solver_stats
-        count = getattr(stats, "num_iters", None) if stats is not None else None
-        return ConicResult(impulses, int(count or 1), elapsed, status)
+        n_iterations = getattr(stats, "num_iters", None) if stats is not None else None
+        return ConicResult(impulses, int(n_iterations or 1), elapsed, status)
 
     def regularised(self, weight: FloatArray) -> "CvxpyProgram":
-        """See ``ConicProgram``."""
+        """Return the program with G + diag(w) in place of G; see ``ConicProgram.regularised``."""
         return CvxpyProgram(self._problem, self._solver, weight)
 
 
 def _root(problem: ContactProblem) -> Any:
-    """Return R with G = RᵀR."""
+    """Return R with G = RᵀR, with n_rows columns; negative eigenvalues of G are rounding errors and count as zero."""
     if problem.factors is not None:
         return problem.factors.scaled_directions
     values, vectors = np.linalg.eigh(problem.delassus().toarray())

@@ -9,10 +9,10 @@ For a linear g of dimension n and m ≥ n, this is GMRES, which ends after n ste
 ``AndersonSweeps`` accelerates sweeps, once per window of several sweeps (Pratapa, Suryanarayana & Pask 2016): g maps Λ
 to the impulses Λ' after the window, the norm is that of √α Λ, and γ solves the normal equations. While contact states
 do not change, g is an affine map, whose fixed point the acceleration finds as GMRES does. When states change, the
-acceleration may fail. An extrapolated start is therefore undone if its window moves Λ much farther than the previous
-window: the sweeps continue from their last Λ, and the differences are dropped. If the residual makes no progress,
-windows become longer, and finally extrapolation stops. Observers receive Λ after a sweep, which satisfies the bounds of
-its laws.
+acceleration may fail. An extrapolation is therefore undone if its window moves Λ much farther than the previous window:
+the sweeps continue from the Λ before the extrapolation, and the differences are dropped. If the residual makes no
+progress, windows become longer, and finally extrapolation stops. Observers receive Λ after a sweep, which satisfies the
+bounds of its laws.
 """
 
 from typing import Protocol
@@ -29,7 +29,7 @@ FIRST_WINDOW = 3
 """Number of sweeps in the first window; it doubles if the residual makes no progress."""
 
 MAX_WINDOW = 48
-"""Largest number of sweeps in an extrapolated window; longer windows may progress without acceleration."""
+"""Largest number of sweeps in a window that begins with an extrapolation; sweeps of longer windows are plain."""
 
 MAX_GROWTH = 2.0
 """An extrapolation is undone if its window moves Λ more than this many times as far as the previous window."""
@@ -39,7 +39,7 @@ MIN_EIGENVALUE = 1e-14
 
 
 class Anderson:
-    """The last pairs (x, g(x)), with at most ``memory`` differences; 0 gives the plain iteration."""
+    """Anderson acceleration with at most ``memory`` differences of pairs (x, g(x)); 0 gives the plain iteration."""
 
     def __init__(self, memory: int) -> None:
         self.memory = memory
@@ -78,7 +78,7 @@ class MovableIterates(Iterates, Protocol):
 
 
 class AndersonSweeps(WrappedIterates[MovableIterates]):
-    """Sweeps with Anderson acceleration, which keeps ``memory`` differences; 0 gives plain sweeps."""
+    """Sweeps with an Anderson acceleration that stores ``memory`` differences; 0 gives plain sweeps."""
 
     def __init__(self, iterates: MovableIterates, weights: FloatArray, memory: int) -> None:
         """Wrap ``iterates``; ``weights`` is √α of each lane of ``padded``, and ``memory`` the number of differences."""
@@ -135,7 +135,14 @@ class WindowDifferences:
         self._count = 0
 
     def step(self, move: FloatArray, end: FloatArray) -> FloatArray | None:
-        """Record the weighted f and the Λ' of a window; return Σ γ_j ΔΛ'_j, or None if it is unknown or not finite."""
+        """Record a window, and return Σ γ_j ΔΛ'_j, shape (length,).
+
+        The result is None if there are no differences yet, all of them vanish, or the sum is not finite.
+
+        Args:
+            move: the weighted change √α (Λ' − Λ) of the window, shape (length,).
+            end: Λ' after the window, shape (length,).
+        """
         before, self._last = self._last, (move, end.copy())
         if before is None or len(self._moves) == 0:
             return None

@@ -22,12 +22,12 @@ from ..machine import this_machine
 from .local import LocalExecutor
 
 _task_lock = threading.Lock()
-"""Lock of the running task, because an executor may have several threads per process."""
+"""Lock that lets one task of this process run at a time, even if an executor has several threads per process."""
 
 
 @dataclass(frozen=True)
 class ProblemTask:
-    """The task of a worker.
+    """One problem of a run, with its solvers, for a worker to measure.
 
     Attributes:
         run: the run, with only this problem in its plan, and its sessions.
@@ -48,7 +48,7 @@ class ProblemTask:
 
 @dataclass(frozen=True)
 class MeasuredProblem:
-    """The result of a worker.
+    """The measured cases of one problem, as a worker returns them.
 
     Attributes:
         session: the session of the worker, which follows those of the task.
@@ -68,7 +68,8 @@ def measure_problem(task: ProblemTask) -> MeasuredProblem:
     here = this_machine()
     if (JUDGE, here.source) != (task.run.judge, task.run.machine.source):
         raise BenchError(
-            f"the worker on {here.host} runs other code of Proxbench; install the same version on all machines."
+            f"the worker on {here.host} runs a different version of Proxbench; "
+            "install the same version on all machines."
         )
     for file, names in task.plugin_files:
         register(file, names, runs_here=False)

@@ -23,7 +23,9 @@ from .task import TrajectoryTask
 
 
 class SimulationRound(TimedRound, frozen=True, kw_only=True):
-    """The result of one simulation from its process: a round of one "solve", whose iterations are one-step solves.
+    """The result of one simulation from its process.
+
+    The simulation takes the place of a solve: ``iterations`` is the number of its one-step solves.
 
     Attributes:
         steps: number of steps; each is timed separately, without judging and recording.
@@ -85,7 +87,12 @@ class TrajectoryCase(LadderCase[Member]):
         self._ask("warm_up", self.ladder[len(self.points)], self.problem.members[0])
 
     def measure(self, value: float, number: int) -> Member | None:
-        """Simulate one member; return None if the case failed."""
+        """Simulate one member; return None if the case failed.
+
+        Args:
+            value: tolerance or step of the method at this point.
+            number: index of the member.
+        """
         result = self._timed_round(SimulationRound, number, "simulate", value, self.problem.members[number])
         if result is None:
             return None
@@ -133,7 +140,7 @@ class TrajectoryCase(LadderCase[Member]):
         )
 
     def reason_to_stop(self, point: Point) -> str:
-        """Return why finer points are not attempted after one that took too long; an empty text otherwise."""
+        """Return why finer points are not attempted after one that took too long, or an empty string."""
         if point.outcome is Outcome.TIME_LIMIT:
             return f"{point.tolerance:g} already took longer than {self.limits.solve_seconds:g} s"
         return point.reason if point.outcome is Outcome.NOT_ATTEMPTED else ""

@@ -17,14 +17,14 @@ def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: St
     A patch sticks if one of its contacts sticks.
 
     Args:
-        pairs: both bodies of each contact, shape (n, 2).
+        pairs: both bodies of each loaded contact, shape (n, 2) with n ≥ 1; contacts without an impulse are omitted.
         points: positions of the contacts [m], shape (n, 3).
         normals: unit normals of the contacts, shape (n, 3).
         states: states of the contacts, shape (n,).
     """
-    _, patch = np.unique(pairs, axis=0, return_inverse=True)
-    order = np.lexsort((_angles(patch, points, normals), patch))
-    ends = np.flatnonzero(np.diff(patch[order])) + 1
+    _, patch_indices = np.unique(pairs, axis=0, return_inverse=True)
+    order = np.lexsort((_angles(patch_indices, points, normals), patch_indices))
+    ends = np.flatnonzero(np.diff(patch_indices[order])) + 1
     strips, patch_states = [], []
     for members in np.split(order, ends):
         if len(members) > 1:
@@ -35,12 +35,12 @@ def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: St
     return rr.LineStrips3D(strips, class_ids=patch_states)
 
 
-def _angles(patch: IntArray, points: FloatArray, normals: FloatArray) -> FloatArray:
-    """Return the angle of each contact about the middle of its patch, in the plane of the patch, shape (n,)."""
-    counts = np.bincount(patch)
-    middles = np.column_stack([np.bincount(patch, points[:, axis]) / counts for axis in range(3)])
-    _, firsts = np.unique(patch, return_index=True)
+def _angles(patch_indices: IntArray, points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return the angle of each contact about the centroid of its patch, in the plane of the patch, shape (n,)."""
+    counts = np.bincount(patch_indices)
+    centroids = np.column_stack([np.bincount(patch_indices, points[:, axis]) / counts for axis in range(3)])
+    _, firsts = np.unique(patch_indices, return_index=True)
     frames = contact_frames(normals[firsts])
-    arms = np.einsum("cix,cx->ci", frames[patch, 1:], points - middles[patch])
+    arms = np.einsum("cix,cx->ci", frames[patch_indices, 1:], points - centroids[patch_indices])
     angles: FloatArray = np.arctan2(arms[:, 1], arms[:, 0])
     return angles

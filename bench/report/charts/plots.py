@@ -27,6 +27,12 @@ def plot_problem(frames: RunFrames, problem: str) -> alt.VConcatChart:
 def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str = COMMON) -> alt.VConcatChart:
     """Return the chart of one kind of profile; see ``Run.plot_profile``.
 
+    Args:
+        frames: the run.
+        kind: the profile, or "families".
+        baseline: the solver with which others are compared; chosen by ``baseline_of`` if empty.
+        profiles: problems that profiles cover, "common" to all solvers or "all".
+
     Raises:
         BenchError: for a study of simulations, a run without cases, or an unknown kind, baseline or view.
     """
@@ -36,7 +42,9 @@ def plot_profile(frames: RunFrames, kind: str, baseline: str = "", profiles: str
     reference_solver = baseline_of(frames, baseline)
     charts = profile_charts(frames, profile_tables(frames, reference_solver), reference_solver, profiles)
     if kind == "families" and kind not in charts:
-        raise BenchError(f"{frames.folder} has too few families for their profile; plot one of {', '.join(charts)}.")
+        raise BenchError(
+            f"{frames.folder} has too few families for a profile of families; plot one of {', '.join(charts)}."
+        )
     if kind not in charts:
         raise BenchError(f"there is no profile {kind!r}{suggestion(kind, charts)}")
     return charts[kind]
@@ -50,5 +58,7 @@ def plot_curves(frames: RunFrames, problem: str) -> alt.LayerChart:
     """
     if not (frames.iterations["problem"] == problem).any():
         solvers = ", ".join(frames.cases["solver"][frames.cases["problem"] == problem])
-        raise BenchError(f"no iterates of {solvers} are known on {problem}; choose a solver that shows its iterates.")
+        raise BenchError(
+            f"no iterates of {solvers} were recorded on {problem}; choose a solver that shows its iterates."
+        )
     return convergence(frames, problem)

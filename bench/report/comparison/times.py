@@ -5,16 +5,17 @@ a disturbance can only lengthen a round. All times are compared by their logarit
 problem, accuracy) is that of the medians of the passes of both runs. The difference of a case is the mean over its
 points, and that of a solver is the mean over its cases. The sources of variance are
 
-    passes     at a point: ``bootstrap_ratio`` of its passes. In a case, whose two to five passes are too few to
-               resample: σ² (1/n + 1/m) for n and m passes, where σ² is the larger of the variance of its own passes
-               and the median variance of all cases. Medians of three or more passes have ``MEDIAN_VARIANCE`` times this
-               variance.
-    problems   ``bootstrap_ratio`` of the cases of a solver, with its problems as clusters
-    runs       ``RUN_SPREAD``, a shift of all times, if it cannot be distinguished from a change of the solvers
+    passes     The interval of a point follows from ``bootstrap_ratio`` of its passes. The two to five passes of a case
+               are too few to resample. Its variance is σ² (1/n + 1/m) for n and m passes, where σ² is the larger of
+               the variance of its own passes and the median variance of all cases. Medians of three or more passes
+               have ``MEDIAN_VARIANCE`` times this variance.
+    problems   The interval of a solver follows from ``bootstrap_ratio`` of its cases, with its problems as clusters.
+    runs       All times of a run may shift by ``RUN_SPREAD``. This variance is added if the shift cannot be
+               distinguished from a change of the solvers.
 
 Ratios are relative to a scale, the median over the yardsticks: solvers that are the same program in both runs. If the
-program has changed, no yardstick is known. The median of all solvers is then the scale, unless it exceeds
-``MAX_DRIFT``.
+program has changed, no solver is known to be the same. The scale is then the median of all solvers or, if its logarithm
+exceeds ``MAX_DRIFT`` in absolute value, 1.
 """
 
 from collections.abc import Sequence
@@ -53,8 +54,10 @@ HALF_WIDTH = float(special.ndtri(ONE_SIDED_CONFIDENCE))
 POINTS = [*CASE, "accuracy", "before", "after", "ratio", "low", "high"]
 CASES = [*CASE, "before", "after", "ratio", "low", "high"]
 SOLVERS = ["solver", "problems", "before", "after", "ratio", "low", "high"]
-"""Columns of the frames: times [s] (geometric means over several points), their ratio over the scale, and the ends of
-its interval."""
+"""Columns of the frames: times [s] (geometric means over several points), their ratio, and the ends of its interval.
+
+Ratios of cases and solvers are divided by the scale; those of points are not.
+"""
 
 
 class Times(NamedTuple):
@@ -106,32 +109,32 @@ def _reached_passes(pairing: Pairing) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the passes of all points that both runs reach, and the points."""
     key, sides = [*CASE, "accuracy"], []
     for side, run in enumerate((pairing.before, pairing.after)):
-        counted = counted_rounds(run.rounds).rename(columns={"logarithm": "time"})
-        own = reaching_tolerances(run, pairing.accuracies).merge(counted, on=[*CASE, "tolerance"])
-        sides.append(own.assign(side=side))
+        counted = counted_rounds(run.rounds).rename(columns={"logarithm": "log_time"})
+        rounds_of_run = reaching_tolerances(run, pairing.accuracies).merge(counted, on=[*CASE, "tolerance"])
+        sides.append(rounds_of_run.assign(side=side))
     rounds = pd.concat(sides, ignore_index=True)
-    passes = rounds.groupby([*key, "side", "session", "number"], sort=False)["time"].min().reset_index()
+    passes = rounds.groupby([*key, "side", "session", "number"], sort=False)["log_time"].min().reset_index()
     passes = passes[passes.groupby(key, sort=False)["side"].transform("nunique") == 2]
     samples = dict(iter(rounds.groupby(key, sort=False)))
     rows = []
     for name, point in passes.groupby(key, sort=False):
-        times = _by_side(point)
-        medians = [float(np.exp(np.median(time))) for time in times]
-        if min(map(len, times)) < MIN_ROUNDS:
-            times = _by_side(samples[name])
-        interval = bootstrap_ratio(times[1], times[0])
+        log_times = _by_side(point)
+        medians = [float(np.exp(np.median(side_log_times))) for side_log_times in log_times]
+        if min(map(len, log_times)) < MIN_ROUNDS:
+            log_times = _by_side(samples[name])
+        interval = bootstrap_ratio(log_times[1], log_times[0])
         rows.append((*name, *medians, medians[1] / medians[0], interval.low, interval.high))
     return passes, pd.DataFrame(rows, columns=POINTS)
 
 
 def _by_side(rows: pd.DataFrame) -> list[FloatArray]:
     """Return the logarithms of the times of the first and of the second run."""
-    times, sides = rows["time"].to_numpy(), rows["side"].to_numpy()
-    return [times[sides == side] for side in (0, 1)]
+    log_times, sides = rows["log_time"].to_numpy(), rows["side"].to_numpy()
+    return [log_times[sides == side] for side in (0, 1)]
 
 
 def _cases(points: pd.DataFrame) -> pd.DataFrame:
-    """Return mean times and the mean difference of their logarithms of each case."""
+    """Return, for each case, the geometric means of its times, and the mean difference of their logarithms."""
     logarithms = points[CASE].assign(
         before=np.log(points["before"]), after=np.log(points["after"]), difference=np.log(points["ratio"])
     )
@@ -140,15 +143,19 @@ def _cases(points: pd.DataFrame) -> pd.DataFrame:
 
 
 def _with_noise(cases: pd.DataFrame, passes: pd.DataFrame) -> pd.DataFrame:
-    """Return the cases with the standard deviation over their passes (noise); infinite without passes."""
-    centres = passes.groupby([*CASE, "accuracy", "side"])["time"].transform("mean")
-    deviations = passes.assign(time=passes["time"] - centres)
-    pass_deviations = deviations.groupby([*CASE, "side", "session", "number"])["time"].mean()
+    """Return the cases with a column "noise", the standard deviation that follows from their passes.
+
+    It is infinite if no case has more than one pass of the same run.
+    """
+    centres = passes.groupby([*CASE, "accuracy", "side"])["log_time"].transform("mean")
+    deviations = passes.assign(deviation=passes["log_time"] - centres)
+    pass_deviations = deviations.groupby([*CASE, "side", "session", "number"])["deviation"].mean()
     sides = pass_deviations.groupby([*CASE, "side"])
     counts, squares = sides.size().unstack(), sides.agg(lambda deviation: float((deviation**2).sum())).unstack()
-    freedom = (counts - 1).sum(axis=1)
-    case_variance = squares.sum(axis=1) / freedom.where(freedom > 0)
-    typical = (case_variance * freedom / special.chdtri(freedom.where(freedom > 0), 0.5)).median()
+    degrees_of_freedom = (counts - 1).sum(axis=1)
+    positive_degrees = degrees_of_freedom.where(degrees_of_freedom > 0)
+    case_variance = squares.sum(axis=1) / positive_degrees
+    typical = (case_variance * degrees_of_freedom / special.chdtri(positive_degrees, 0.5)).median()
     variance = np.maximum(case_variance.fillna(0.0), typical if np.isfinite(typical) else np.inf)
     efficiency = counts.map(lambda n: MEDIAN_VARIANCE if n > 2 else 1.0)
     noise = np.sqrt(variance * (efficiency / counts).sum(axis=1)).rename("noise")
@@ -156,19 +163,19 @@ def _with_noise(cases: pd.DataFrame, passes: pd.DataFrame) -> pd.DataFrame:
 
 
 def _solvers(cases: pd.DataFrame) -> pd.DataFrame:
-    """Return mean times and mean differences of solvers, and their standard deviation (noise).
+    """Return, for each solver, geometric mean times, the mean difference, and its standard deviation (noise).
 
     The noise is that of a normal interval as wide as the bootstrap interval over problems. With few problems, it
     follows from the passes.
     """
     rows = []
-    for solver, own in cases.groupby("solver", sort=False):
-        n, differences = len(own), own["difference"].to_numpy()
-        noise = np.sqrt((own["noise"] ** 2).sum()) / n
+    for solver, solver_cases in cases.groupby("solver", sort=False):
+        n, differences = len(solver_cases), solver_cases["difference"].to_numpy()
+        noise = np.sqrt((solver_cases["noise"] ** 2).sum()) / n
         if n >= MIN_PAIRS and np.isfinite(noise):
             interval = bootstrap_ratio(differences, confidence=2.0 * ONE_SIDED_CONFIDENCE - 1.0, statistic=np.mean)
             noise = np.log(interval.high / interval.low) / (2.0 * HALF_WIDTH)
-        before, after = (float(np.exp(np.log(own[side]).mean())) for side in ("before", "after"))
+        before, after = (float(np.exp(np.log(solver_cases[side]).mean())) for side in ("before", "after"))
         rows.append((solver, n, before, after, differences.mean(), noise))
     return pd.DataFrame(rows, columns=["solver", "problems", "before", "after", "difference", "noise"])
 

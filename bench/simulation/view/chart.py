@@ -90,7 +90,7 @@ def _title(simulation: Simulation, begin: float) -> str:
     scene = simulation.plan.scene
     name = scene.name.replace("_", " ").capitalize()
     balls = f", {counted(scene.n_balls, 'ball')}" if scene.n_balls > 1 else ""
-    part = "" if begin == -np.inf else f" from {begin:.4g} s on"
+    part = "" if begin == -np.inf else f" after {begin:.4g} s"
     return f"{name}{balls} over time{part}"
 
 
@@ -111,9 +111,10 @@ def _scientific(tolerance: float) -> str:
 
 
 def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel]:
-    """Return the observables of the scene, active contacts, iterations, penetration and energy.
+    """Return the panels of observables of the scene, active contacts, iterations, penetration and energy.
 
-    Balls that leave a scene fall forever: their kinetic and potential energy, which cancel, would hide the total.
+    Scenes with observables show only the total energy. Their balls may leave the scene and fall forever, so that the
+    kinetic and the potential energy grow without bound and would hide the total.
     """
     observables = [observable for observable in simulation.plan.scene.observables if observable.label]
     curves = _aggregated(simulation.steps[shown], [observable.name for observable in observables])
@@ -123,13 +124,15 @@ def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel
     elif not observables:
         energies |= {"potential_energy": "potential", "kinetic_energy": "kinetic"}
     panels: list[Panel] = [
-        _curve_panel(curves, "contacts", {"contacts": "active contacts"}, steps=True),
-        _curve_panel(curves, "iterations", {"iterations": "mean", "most_iterations": "most"}, "sqrt", steps=True),
+        _curve_panel(curves, "contacts", {"contacts": "active contacts"}, has_jumps=True),
+        _curve_panel(
+            curves, "iterations", {"iterations": "mean", "most_iterations": "maximum"}, "sqrt", has_jumps=True
+        ),
         _curve_panel(curves, "depth / r", {"penetration": "of states", "impact_depth": "at midpoints"}),
         _curve_panel(curves, "energy [J]", energies),
     ]
     observed_panels = [
-        _curve_panel(curves, observable.label, {observable.name: observable.label}, steps=observable.is_count)
+        _curve_panel(curves, observable.label, {observable.name: observable.label}, has_jumps=observable.is_count)
         for observable in observables
     ]
     return [*observed_panels, *panels]
@@ -154,16 +157,24 @@ def _curve_panel(
     title: str,
     names: dict[str, str],
     scale: Literal["linear", "sqrt"] = "linear",
-    steps: bool = False,
+    has_jumps: bool = False,
 ) -> alt.Chart:
-    """Return one panel of curves; ``names`` maps columns to names in the legend, ``steps`` draws jumps."""
+    """Return one panel of curves.
+
+    Args:
+        curves: the curves, one row per interval of time, with a column "time" [s].
+        title: title of the vertical axis.
+        names: names in the legend by column.
+        scale: scale of the vertical axis.
+        has_jumps: whether values are constant between rows.
+    """
     long = curves.melt("time", list(names), "column", "value")
     long["curve"] = long["column"].map(names)
     order = list(names.values())
     colours = alt.Scale(domain=order, range=[PALETTE[k] for k in (0, 3, 2)[: len(order)]])
     dashes = alt.Scale(domain=order, range=([1, 0], [5, 2], [2, 2])[: len(order)])
     lines = _sized_chart(long[["time", "value", "curve"]])
-    panel: alt.Chart = lines.mark_line(strokeWidth=1.5, interpolate="step-before" if steps else "linear").encode(
+    panel: alt.Chart = lines.mark_line(strokeWidth=1.5, interpolate="step-before" if has_jumps else "linear").encode(
         x=_time_axis(),
         y=alt.Y("value:Q", title=title).scale(type=scale).axis(tickCount=4, format=".5~g"),
         color=alt.Color("curve:N", sort=order, scale=colours, title=None),
@@ -214,15 +225,15 @@ def _coordinate_panel(frame: pd.DataFrame, dots: pd.DataFrame, name: str, has_le
     curve = frame[["time", name]].rename(columns={name: "value"})
     scale = alt.Scale(zero=False)
     low, high = curve["value"].min(), curve["value"].max()
-    size = max(abs(low), abs(high))
-    if high - low <= NOISE * size:  # an axis of this range would show rounding errors
-        middle, room = 0.5 * (low + high), 0.05 * size or 1.0
-        scale = alt.Scale(zero=False, domain=[middle - room, middle + room])
-    height = alt.Y("value:Q", title=name, scale=scale)
-    line = _sized_chart(curve).mark_line(color="#4d4d4d", strokeWidth=1.4).encode(x=_time_axis(), y=height)
+    magnitude = max(abs(low), abs(high))
+    if high - low <= NOISE * magnitude:  # an axis of this range would show rounding errors
+        middle, margin = 0.5 * (low + high), 0.05 * magnitude or 1.0
+        scale = alt.Scale(zero=False, domain=[middle - margin, middle + margin])
+    axis = alt.Y("value:Q", title=name, scale=scale)
+    line = _sized_chart(curve).mark_line(color="#4d4d4d", strokeWidth=1.4).encode(x=_time_axis(), y=axis)
     points = dots[["time", "law", name]].rename(columns={name: "value"})
     colour = _colour() if has_legend else _colour().legend(None)
-    marks = alt.Chart(points).mark_circle(size=42, opacity=1.0).encode(x=_time_axis(), y=height, color=colour)
+    marks = alt.Chart(points).mark_circle(size=42, opacity=1.0).encode(x=_time_axis(), y=axis, color=colour)
     layer: alt.LayerChart = line + marks
     return layer
 

@@ -67,7 +67,10 @@ class Bundle:
             return carried
         shipped = load(name)
         if carried is not None and carried.digest != shipped.digest:
-            raise BenchError(f"the problem {name!r} of {self.source} differs from that of the library.")
+            raise BenchError(
+                f"the problem {name!r} of {self.source} differs from that of this package; "
+                "rename it and measure it again."
+            )
         return shipped
 
     def read_run(self) -> RunRecord:
@@ -75,7 +78,7 @@ class Bundle:
         return self.run
 
     def read_cases(self, problem: str | None = None) -> tuple[list[CaseRecord], list[str]]:
-        """Return all cases, or those of one problem, as ``Store.read_cases`` does; none of them is damaged."""
+        """Return all cases, or those of one problem, and an empty list of damaged files; see ``Store.read_cases``."""
         return [case for case in self.cases if problem in (None, case.problem)], []
 
     def read_problem(self, digest: str) -> ContactProblem:
@@ -98,15 +101,15 @@ def output_folder(path: Path) -> Path:
 
 
 def bundle(run_dir: os.PathLike[str] | str, file: os.PathLike[str] | str | None = None, *, force: bool = False) -> Path:
-    """Pack a run into one file, as a whole or not at all, and return the file.
+    """Pack a run into one file atomically, and return the file.
 
-    The file holds plan, machines, cases, the impulses of the finest point of each case, and the problems that the
-    package does not contain. Equal runs give equal files.
+    The file contains the plan, the machines, the cases, the impulses of each case at its smallest tolerance, and the
+    problems that the package does not contain. Identical runs give identical files.
 
     Args:
         run_dir: the run, or its folder.
-        file: the file to write; the name of the run with ``.bundle``, in the current folder, if None.
-        force: replace a file that exists.
+        file: the file to write. By default, it is in the current folder and has the name of the run with ``.bundle``.
+        force: whether to replace an existing file.
 
     Raises:
         BenchError: if the folder is not a run, has a damaged file or no measured case, is a study or lacks impulses,
@@ -132,11 +135,11 @@ def bundle_of_run(folder: Path) -> Bundle:
     if damaged:
         raise BenchError(f"{folder} cannot be packed: {damaged[0]}")
     carried = {name: store.read_problem(digest).renamed(name) for name, digest in run.carried.items()}
-    return _checked(Bundle(folder, run, cases, carried))
+    return _require_consistent(Bundle(folder, run, cases, carried))
 
 
 def write_bundle(bundle: Bundle, path: Path) -> None:
-    """Write a bundle to a file, as a whole or not at all.
+    """Write a bundle to a file atomically.
 
     Raises:
         BenchError: if the bundle is too large to be read again, or the file cannot be written.
@@ -144,7 +147,8 @@ def write_bundle(bundle: Bundle, path: Path) -> None:
     problems = {problem.digest: packed_problem(problem) for problem in bundle.carried.values()}
     content = encode_record(_Content(run=bundle.run, cases=bundle.cases, problems=list(problems.values())))
     if len(content) > MAX_BYTES:
-        raise BenchError(f"{bundle.source} is too large for a bundle, {len(content) / 2**20:.0f} MiB; divide the run.")
+        size = f"{len(content) / 2**20:.0f} MiB"
+        raise BenchError(f"{bundle.source} is too large for a bundle ({size}); measure fewer problems per run.")
     put_file(path, gzip.compress(content, mtime=0), "name another file")
 
 
@@ -173,11 +177,11 @@ def read_bundle(path: Path) -> Bundle:
     if problems.keys() != set(listed.values()):
         raise BenchError(f"{path} is damaged (its problems differ from its list of problems); {_REMEDY}.")
     carried = {name: problems[digest].renamed(name) for name, digest in listed.items()}
-    return _checked(Bundle(path, content.run, content.cases, carried))
+    return _require_consistent(Bundle(path, content.run, content.cases, carried))
 
 
-def _checked(bundle: Bundle) -> Bundle:
-    """Return a bundle if its parts are consistent.
+def _require_consistent(bundle: Bundle) -> Bundle:
+    """Return a bundle after checking that its parts are consistent.
 
     Raises:
         BenchError: if they are inconsistent, nothing is measured, or the run is a study or from another version of the
@@ -191,12 +195,12 @@ def _checked(bundle: Bundle) -> Bundle:
             f"{source} was judged by version {run.judge} of the judge, but this is {JUDGE}; measure it again."
         )
     if not bundle.cases:
-        raise BenchError(f"{source} has no measured case; measure something first.")
+        raise BenchError(f"{source} has no measured case; measure at least one case first.")
     planned = {(problem, solver) for problem in plan.problems for solver in plan.solvers}
     for case in bundle.cases:
         fault = _fault(case, run) if (case.problem, case.solver) in planned else "is not in its plan, or occurs twice"
         if fault:
-            raise BenchError(f"{source} is refused: {case.solver} on {case.problem} {fault}; measure it again.")
+            raise BenchError(f"{source} is inconsistent: {case.solver} on {case.problem} {fault}; measure it again.")
         planned.remove((case.problem, case.solver))
     return bundle
 
@@ -206,7 +210,7 @@ def _fault(case: CaseRecord, run: RunRecord) -> str:
     ladder = run.plan.tolerances[: len(case.points)]
     measured = [point.measured for point in case.points if point.measured is not None]
     if [point.tolerance for point in case.points] != ladder:
-        return "has other tolerances than its plan"
+        return "differs from its plan in its tolerances"
     if any(timed.session >= len(run.sessions) for point in case.points for timed in point.rounds):
-        return "has rounds of a session that its run does not have"
+        return "refers to a session that its run lacks"
     return "has no impulses" if measured and not measured[-1].impulses else ""

@@ -1,4 +1,4 @@
-"""Reading and writing of contact problems as FCLIB files."""
+"""Read and write contact problems as FCLIB files."""
 
 from pathlib import Path
 
@@ -27,8 +27,8 @@ def is_fclib_name(name: str) -> bool:
 def read_fclib(path: Path | str, symmetry: Symmetry = "mean", indefinite: Indefinite = "refuse") -> ContactProblem:
     """Read the problem of an FCLIB file, and name it after the file.
 
-    Links to other files are not followed, and no array is larger than the file. FCLIB has no checksums: a
-    changed number that is still valid is detected only in files of ``write_fclib``.
+    Links to other files are not followed, and no array is larger than the file. FCLIB has no checksums: a changed
+    number that is still valid is detected only in files written by ``write_fclib``.
 
     Args:
         path: the file.
@@ -84,8 +84,8 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
         impulses: Λ [N s], shape (n_rows,), to be stored as the solution; the known solution if None.
 
     Raises:
-        ProblemError: if FCLIB has no such laws, the impulses have the wrong shape or are not finite, the name has a
-            different ending, or the file cannot be written.
+        ProblemError: if FCLIB cannot represent the laws, the impulses have the wrong shape or are not finite, the name
+            has a different ending, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:
@@ -98,12 +98,12 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
 
 
 def _solution(
-    problem: ContactProblem, contents: LocalContents | GlobalContents, stored: ArrayLike | None
+    problem: ContactProblem, contents: LocalContents | GlobalContents, given_impulses: ArrayLike | None
 ) -> dict[str, FloatArray]:
     """Return r, u, λ of joints and, for a global problem, v by path; empty without impulses."""
-    if stored is None:
+    if given_impulses is None:
         return {}
-    impulses = np.asarray(real_numbers(stored, "impulses"), dtype=np.float64)
+    impulses = np.asarray(real_numbers(given_impulses, "impulses"), dtype=np.float64)
     if impulses.shape != (problem.n_rows,) or not np.isfinite(impulses).all():
         raise ProblemError(f"impulses must be {problem.n_rows} finite numbers, got shape {impulses.shape}.")
     order, n = fclib_row_order(problem), contents.n_contact_rows
@@ -116,7 +116,7 @@ def _solution(
 
 
 def _hdf5_content(data: dict[str, NDArray[np.generic] | bytes]) -> bytes:
-    """Return the content of an HDF5 file that all versions of the library read; texts are null-terminated."""
+    """Return the content of an HDF5 file that all versions of the library read; byte strings are null-terminated."""
     import h5py
 
     with h5py.File("fclib", "w", driver="core", backing_store=False, libver=("earliest", "v110")) as file:

@@ -20,11 +20,12 @@ from .files import Kind, PluginFile, make_importable
 KINDS: tuple[Kind, ...] = get_args(Kind)
 """Kinds of names that plugins offer."""
 
-_NAMES: dict[Kind, tuple[str, str]] = {
+_NAME_PATTERNS: dict[Kind, tuple[str, str]] = {
     "solver": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, like that of a class"),
     "scene": (r"[A-Za-z_][A-Za-z0-9_]*", "a Python name, like that of a function"),
     "problem": (r"[A-Za-z0-9][A-Za-z0-9._-]*", "made of letters, digits, '.', '_' and '-'"),
 }
+"""Regular expression of valid names of each kind, and its description in messages."""
 
 Names = Mapping[Kind, Sequence[str]]
 """Names that a plugin file offers, by kind."""
@@ -141,10 +142,13 @@ def _from_packages(kind: Kind) -> Iterator[Offer]:
 
 
 def _rejection(offer: Offer, taken: Collection[str], all_offers: list[Offer]) -> str:
+    """Return why the name of an offer cannot be used, as a sentence; empty if it can."""
     description = f"{offer.source} offers the {offer.kind} {offer.name!r}"
     if offer.name in taken:
         return f"{description}, a name that Proxbench itself uses; give it another name."
     if others := [other.source for other in all_offers if other.name == offer.name and other is not offer]:
         return f"{description}, and {others[0]} offers the same name; rename or remove one of them."
-    pattern, meaning = _NAMES[offer.kind]
-    return "" if re.fullmatch(pattern, offer.name) else f"{description}, but a {offer.kind}'s name must be {meaning}."
+    pattern, requirement = _NAME_PATTERNS[offer.kind]
+    return (
+        "" if re.fullmatch(pattern, offer.name) else f"{description}, but a {offer.kind}'s name must be {requirement}."
+    )

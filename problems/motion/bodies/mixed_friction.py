@@ -15,19 +15,22 @@ from ...errors import ProblemError
 _GAMMA, _FIRST_FACTOR, _SECOND_FACTOR = (
     np.uint64(n) for n in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
 )
+"""Constants of SplitMix64: the increment of the state, and the factors of the hash."""
 
 
 @dataclass(frozen=True, eq=False)
 class MixedFriction:
-    """Friction coefficients drawn at random for each pair of bodies; a ``BallSystem`` accepts them as its friction.
+    """Uniformly distributed friction coefficients, one for each pair of bodies.
+
+    A ``BallSystem`` accepts them as its friction.
 
     Attributes:
         lowest: smallest μ.
-        highest: largest μ; the distribution is uniform.
+        highest: largest μ.
         seed: seed of the coefficients.
 
     Raises:
-        ProblemError: if the range of coefficients is not valid, or the seed is out of range.
+        ProblemError: unless 0 ≤ ``lowest`` ≤ ``highest`` < ∞ and 0 ≤ ``seed`` < 2⁶⁴.
     """
 
     lowest: float

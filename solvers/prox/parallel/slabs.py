@@ -1,4 +1,7 @@
-"""Slabs of contacts in two colours, whose sweeps several threads share, and an order of the bodies that suits them.
+"""Slabs of contacts in two colours, for sweeps in several threads.
+
+The slabs of one colour share no movable body, so that threads may sweep them simultaneously. Bodies are stored in the
+order of the search, so that the bodies of a slab are adjacent in memory.
 
 A breadth-first search over the bodies, from a body far from the others, assigns levels: a contact touches one level or
 two successive ones (the rooted level structure of Cuthill & McKee, 1969; the start is found as by George & Liu, 1979).
@@ -49,9 +52,10 @@ class Slabs(NamedTuple):
         return int(self.first_batch[-1])
 
     def largest_speedup(self, threads: int) -> float:
-        """Return the largest ratio of the time of a sweep in one thread to that in several.
+        """Return an upper bound on the speedup of a sweep by several threads.
 
-        A colour takes at least as long as its largest slab, and as its share of each thread.
+        A colour takes at least as long as its largest slab, and at least as long as an equal share of its batches for
+        each thread.
         """
         sizes = np.diff(self.first_batch)
         colours = sizes[: self.first_slab[1]], sizes[self.first_slab[1] :]
@@ -60,10 +64,13 @@ class Slabs(NamedTuple):
 
 
 def divide_into_slabs(pieces: Pieces) -> Slabs:
-    """Divide the contacts of pieces that come in pairs; the idle chunk belongs to no body."""
-    bodies, chunks, levels = _search(pieces.chunks, pieces.n_chunks)
-    members = _in_order_of_bodies(chunks, len(bodies))
-    begins = _first_members(chunks, levels, members, MIN_SLAB)
+    """Return the slabs of the contacts of ``pieces``, which hold two chunks (one per body) for each contact.
+
+    The idle chunk stands for a fixed body.
+    """
+    bodies, chunks, levels = _search_breadth_first(pieces.chunks, pieces.n_chunks)
+    members = _sort_by_first_body(chunks, len(bodies))
+    begins = _find_slab_starts(chunks, levels, members, MIN_SLAB)
     places, first_batch = _fill_batches(chunks, len(bodies), members, begins)
     n_slabs = len(begins) - 1
     first_slab = np.array([0, n_slabs - n_slabs // 2, n_slabs])
@@ -72,7 +79,10 @@ def divide_into_slabs(pieces: Pieces) -> Slabs:
 
 @njit(cache=True)
 def _neighbours(chunks, idle):  # type: ignore[no-untyped-def]
-    """Return the first neighbour of each body in a list of neighbours, and this list."""
+    """Return the neighbours of all bodies in one array, after the index of the first neighbour of each body.
+
+    The neighbours of a body are ``neighbours[starts[body]:starts[body + 1]]``.
+    """
     starts = np.zeros(idle + 2, dtype=np.int64)
     for side in range(len(chunks)):
         if chunks[side] != idle and chunks[side ^ 1] != idle:
@@ -89,8 +99,11 @@ def _neighbours(chunks, idle):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _search(chunks, idle):  # type: ignore[no-untyped-def]
-    """Return bodies and chunks as in ``Slabs``, and the level of each of these bodies."""
+def _search_breadth_first(chunks, idle):  # type: ignore[no-untyped-def]
+    """Assign levels by a breadth-first search; return bodies and chunks as in ``Slabs``, and the levels of the bodies.
+
+    The search of a component starts at the body that an earlier search finds last.
+    """
     starts, neighbours = _neighbours(chunks, idle)
     levels, queue = np.full(idle + 1, -1, dtype=np.int64), np.empty(idle + 1, dtype=np.int64)
     n_visited, level = 0, 0
@@ -113,7 +126,7 @@ def _search(chunks, idle):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _visit(starts, neighbours, root, begin, level, levels, queue):  # type: ignore[no-untyped-def]
-    """Write the levels of all bodies that are connected with ``root``, and queue them; return the end of the queue."""
+    """Write the levels of all bodies that are connected to ``root``, and queue them; return the end of the queue."""
     levels[root], queue[begin] = level, root
     head, end = begin, begin + 1
     while head < end:
@@ -129,7 +142,7 @@ def _visit(starts, neighbours, root, begin, level, levels, queue):  # type: igno
 
 
 @njit(cache=True)
-def _in_order_of_bodies(chunks, n_bodies):  # type: ignore[no-untyped-def]
+def _sort_by_first_body(chunks, n_bodies):  # type: ignore[no-untyped-def]
     """Return the contacts in the order of the first of their bodies; contacts of the same body keep their order."""
     n_contacts = len(chunks) // 2
     begins, members = np.zeros(n_bodies + 2, dtype=np.int64), np.empty(n_contacts, dtype=np.int64)
@@ -145,7 +158,7 @@ def _in_order_of_bodies(chunks, n_bodies):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _first_members(chunks, levels, members, min_size):  # type: ignore[no-untyped-def]
+def _find_slab_starts(chunks, levels, members, min_size):  # type: ignore[no-untyped-def]
     """Return the position in ``members`` of the first contact of each slab, then the number of contacts."""
     begins, n_slabs = np.zeros(len(members) // min_size + 2, dtype=np.int64), 1
     for k in range(1, len(members)):
@@ -164,7 +177,11 @@ def _first_members(chunks, levels, members, min_size):  # type: ignore[no-untype
 def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def]
     """Return the place of each contact and the first batch of each slab.
 
-    Each contact of a slab in turn gets the first batch with an empty lane and none of its bodies.
+    Each contact of a slab, in order, is assigned to the first open batch that has an empty lane and does not touch a
+    body of the contact.
+
+    ``full`` and ``unavailable`` have a bit for each open batch: for full ones, and for those that cannot take the
+    contact.
     """
     places, first_batch = np.empty(len(members), dtype=np.int64), np.empty(len(begins), dtype=np.int64)
     touching = np.zeros(idle + 1, dtype=np.int64)  # a bit for each open batch that touches a body
@@ -180,13 +197,13 @@ def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def
         for k in range(begins[position], begins[position + 1]):
             contact = members[k]
             a, b = chunks[2 * contact], chunks[2 * contact + 1]
-            closed = full
+            unavailable = full
             if a != idle and written_base[a] == base:
-                closed |= touching[a]
+                unavailable |= touching[a]
             if b != idle and written_base[b] == base:
-                closed |= touching[b]
+                unavailable |= touching[b]
             batch = first_open
-            while batch < OPEN_BATCHES and (closed >> batch) & 1:
+            while batch < OPEN_BATCHES and (unavailable >> batch) & 1:
                 batch += 1
             if batch == OPEN_BATCHES:  # close all open batches
                 base, full, batch, first_open = n_batches, np.int64(0), 0, 0

@@ -7,8 +7,8 @@ The balls of a system share κ = r²m/J for the radius r, the mass m and the mom
     ξ = n·d + c_N,   T1·d − T2·s + c_1,   T2·d + T1·s + c_2      with d = v_i − v_j, s = κ(τ_i + τ_j),
     v_i += P/m_i,   v_j −= P/m_j,   τ_i −= (n × P)/m_i,   τ_j −= (n × P)/m_j.
 
-A record takes 88 bytes, and the indices of both balls take 8. Two pieces with the other data would take 360, and their
-indices 16.
+A record takes 88 bytes, and the indices of both balls take 8. In the general form (``pieces``), the two pieces and the
+other data of a contact take 360 bytes, and the indices take 16.
 """
 
 import numpy as np
@@ -23,12 +23,16 @@ NUMBERS = 11
 """Number of entries of a record: n, c, both step sizes, μ, and the inverse masses of both balls."""
 
 WEIGHTS = 4
-"""Number of entries of a contact in a check of the residual: α of both laws, and the squares of their ratios."""
+"""Number of entries of a contact in a check of the residual: α of the normal and of the friction law, and the
+squares of the ratios by which ``Residual`` multiplies their violations."""
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
 def in_frame(frame, difference, spin, free):  # type: ignore[no-untyped-def]
-    """Return n·d + c_N, T1·d − T2·s + c_1 and T2·d + T1·s + c_2."""
+    """Return ξ of a contact: n·d + c_N, T1·d − T2·s + c_1 and T2·d + T1·s + c_2.
+
+    ``frame`` is (n, T1, T2), ``difference`` is d, ``spin`` is s, and ``free`` is c.
+    """
     (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z) = frame
     (dx, dy, dz), (sx, sy, sz) = difference, spin
     along_normal = free[0] + x * dx + y * dy + z * dz
@@ -39,9 +43,12 @@ def in_frame(frame, difference, spin, free):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_balls(  # type: ignore[no-untyped-def]
-    count, bodies, records, share, impulses, motion, change, before, momentum, delay, sweeps, beta
+    count, bodies, records, kappa, impulses, motion, change, before, momentum, delay, sweeps, beta
 ):
-    """Do ``count`` sweeps on Λ (``impulses``), v and τ (``motion``); other arguments as in ``pieces.sweep_batches``."""
+    """Do ``count`` sweeps on Λ (``impulses``), v and τ (``motion``), and return the β of the sweep after them.
+
+    ``kappa`` is κ, and the other arguments are those of ``pieces.sweep_batches``.
+    """
     two, three, six, lanes = uint64(2), uint64(3), uint64(6), uint64(LANES)
     n_batches = uint64(len(bodies)) // (two * lanes)
     moves, turn = np.empty(six * lanes), np.empty(lanes)
@@ -53,17 +60,20 @@ def sweep_balls(  # type: ignore[no-untyped-def]
             pair = two * lanes * batch
             gather_moves(bodies, pair, motion, moves)
             record, first_entry = uint64(NUMBERS) * lanes * batch, three * lanes * batch
-            update_impulses(records, record, share, impulses, change, first_entry, beta, turn, moves)
-            mass = record + uint64(9) * lanes
+            update_impulses(records, record, kappa, impulses, change, first_entry, beta, turn, moves)
+            inverse_masses = record + uint64(9) * lanes
             for lane in range(lanes):
                 a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
-                first_mass, second_mass = records[mass + lane], records[mass + lanes + lane]  # inverse masses
+                first_inverse_mass, second_inverse_mass = (
+                    records[inverse_masses + lane],
+                    records[inverse_masses + lanes + lane],
+                )
                 for k in range(three):
                     push, torque = moves[lanes * k + lane], moves[lanes * (k + three) + lane]
-                    motion[a + k] += first_mass * push
-                    motion[b + k] -= second_mass * push
-                    motion[a + k + three] -= first_mass * torque
-                    motion[b + k + three] -= second_mass * torque
+                    motion[a + k] += first_inverse_mass * push
+                    motion[b + k] -= second_inverse_mass * push
+                    motion[a + k + three] -= first_inverse_mass * torque
+                    motion[b + k + three] -= second_inverse_mass * torque
         sweeps += 1
         beta = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
     return beta
@@ -81,7 +91,7 @@ def gather_moves(bodies, pair, motion, moves):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_impulses(records, record, share, impulses, change, first_entry, beta, turn, moves):  # type: ignore[no-untyped-def]
+def update_impulses(records, record, kappa, impulses, change, first_entry, beta, turn, moves):  # type: ignore[no-untyped-def]
     """Update Λ of a batch, and replace ``moves``, which holds v_i − v_j and τ_i + τ_j, by P and n × P.
 
     Λ begins at ``first_entry``, and the records begin at ``record``. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes
@@ -96,7 +106,7 @@ def update_impulses(records, record, share, impulses, change, first_entry, beta,
         x, y, z = records[r], records[r + k1], records[r + k2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
         difference = moves[lane], moves[lane + k1], moves[lane + k2]
-        spin = share * moves[lane + k3], share * moves[lane + k4], share * moves[lane + k5]
+        spin = kappa * moves[lane + k3], kappa * moves[lane + k4], kappa * moves[lane + k5]
         free = records[r + k3], records[r + k4], records[r + k5]
         frame = (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z)
         normal, first, second = in_frame(frame, difference, spin, free)
@@ -124,21 +134,21 @@ def update_impulses(records, record, share, impulses, change, first_entry, beta,
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def largest_violation(bodies, records, share, impulses, motion, weights, slots, rows):  # type: ignore[no-untyped-def]
+def largest_violation(bodies, records, kappa, impulses, motion, weights, slots, rows):  # type: ignore[no-untyped-def]
     """Write Λ over rows; return the largest violation of a law times its ratio [m/s], as ``Residual`` measures it.
 
-    ξ of all contacts follows from the final v and τ, so the records are read once more than the sweeps read them.
+    ξ of all contacts follows from the final v and τ, which takes one more pass over the records.
     """
     for row in range(len(slots)):
         rows[row] = impulses[slots[row]]
     moves, largest = np.empty(6 * LANES), np.zeros(LANES)
     for batch in range(uint64(len(bodies)) // (uint64(2) * uint64(LANES))):
-        find_violations(bodies, records, share, impulses, motion, weights, batch, moves, largest)
+        find_violations(bodies, records, kappa, impulses, motion, weights, batch, moves, largest)
     return np.sqrt(largest_of_lanes(largest))
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def find_violations(bodies, records, share, impulses, motion, weights, batch, moves, largest):  # type: ignore[no-untyped-def]
+def find_violations(bodies, records, kappa, impulses, motion, weights, batch, moves, largest):  # type: ignore[no-untyped-def]
     """Raise ``largest`` of each lane to the squared violations of a batch, or to NaN if one is NaN."""
     k1 = uint64(LANES)
     k2, k3 = uint64(2) * k1, uint64(3) * k1
@@ -146,25 +156,27 @@ def find_violations(bodies, records, share, impulses, motion, weights, batch, mo
     record, first_entry, weight = uint64(NUMBERS) * k1 * batch, k3 * batch, uint64(WEIGHTS) * k1 * batch
     for lane in range(k1):
         r, n, w = record + lane, first_entry + lane, weight + lane
-        normal, first, second = lane_velocity(records, r, share, moves, lane)
-        pressed, stiffness = weights[w] * impulses[n], weights[w + k1]
-        unilateral = pressed if pressed < normal or pressed != pressed else normal
-        bound = stiffness * (records[r + uint64(8) * k1] * max(impulses[n], 0.0))
-        square = outside_disc(stiffness * impulses[n + k1], stiffness * impulses[n + k2], first, second, bound)
+        normal, first, second = lane_velocity(records, r, kappa, moves, lane)
+        impulse_velocity, friction_alpha = weights[w] * impulses[n], weights[w + k1]
+        unilateral = impulse_velocity if impulse_velocity < normal or impulse_velocity != impulse_velocity else normal
+        bound = friction_alpha * (records[r + uint64(8) * k1] * max(impulses[n], 0.0))
+        square = outside_disc(
+            friction_alpha * impulses[n + k1], friction_alpha * impulses[n + k2], first, second, bound
+        )
         normal_part, friction_part = unilateral * unilateral * weights[w + k2], square * weights[w + k3]
         part = friction_part if friction_part > normal_part or friction_part != friction_part else normal_part
         largest[lane] = part if part > largest[lane] or part != part else largest[lane]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def lane_velocity(records, r, share, moves, lane):  # type: ignore[no-untyped-def]
+def lane_velocity(records, r, kappa, moves, lane):  # type: ignore[no-untyped-def]
     """Return ξ of one contact, whose record begins at ``r``; ``moves`` as ``gather_moves`` writes it."""
     k1 = uint64(LANES)
     k2, k3, k4, k5 = uint64(2) * k1, uint64(3) * k1, uint64(4) * k1, uint64(5) * k1
     x, y, z = records[r], records[r + k1], records[r + k2]
     first, second = tangents(x, y, z)
     difference = moves[lane], moves[lane + k1], moves[lane + k2]
-    spin = share * moves[lane + k3], share * moves[lane + k4], share * moves[lane + k5]
+    spin = kappa * moves[lane + k3], kappa * moves[lane + k4], kappa * moves[lane + k5]
     free = records[r + k3], records[r + k4], records[r + k5]
     return in_frame(((x, y, z), first, second), difference, spin, free)
 

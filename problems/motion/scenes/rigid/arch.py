@@ -53,7 +53,7 @@ class Arch(PrismScene):
 
     def __post_init__(self) -> None:
         if self.stones < 2:
-            raise ProblemError(f"stones of an arch must be at least 2, got {self.stones}.")
+            raise ProblemError(f"the number of stones of an arch must be at least 2, got {self.stones}.")
         if not 0.0 < self.thickness < 1.0:
             raise ProblemError(f"thickness of an arch must be between 0 and 1, got {self.thickness}.")
         check_positive(self, "an arch", "radius", "width", "density")

@@ -63,8 +63,8 @@ class Dominoes:
         gravity: g [m/s²].
 
     Raises:
-        ProblemError: if a number is not positive, a domino cannot reach the next one, or the push does not topple
-            the first domino.
+        ProblemError: if a length, the number of dominoes, the push, the mass or gravity is not positive, a domino
+            cannot reach the next one, or the push does not topple the first domino.
     """
 
     n_dominoes: int = 20
@@ -91,7 +91,7 @@ class Dominoes:
 
     @property
     def pitch(self) -> float:
-        """Distance p between equal points of adjacent dominoes [m]."""
+        """Distance p between corresponding points of adjacent dominoes [m]."""
         return self.spacing + self.size[0]
 
     @property
@@ -155,9 +155,9 @@ class Dominoes:
         Raises:
             ProblemError: if the push is too weak, or friction too strong for a wave.
         """
-        heads = np.linspace(0.0, self.hitting_angle, ANGLES)
-        angles, rates, weights = self._train(heads)
-        bends = np.gradient(rates, heads, axis=1, edge_order=2)
+        head_angles = np.linspace(0.0, self.hitting_angle, ANGLES)
+        angles, rates, weights = self._train(head_angles)
+        rate_derivatives = np.gradient(rates, head_angles, axis=1, edge_order=2)
         thickness, _, height = self.size
         # inertia and moments are divided by the mass
         inertia = (height**2 + thickness**2) / 3.0
@@ -166,30 +166,31 @@ class Dominoes:
         for n in range(1, N_IMPACTS):
             # n dominoes move; y = ω² of the head has dy/dθ + P y = Q
             c = weights[:n]
-            resistance = inertia * (c * rates[:n]).sum(axis=0)
-            growth = np.exp(_integral(2.0 * inertia * (c * bends[:n]).sum(axis=0) / resistance, heads))
-            work = _integral(growth * 2.0 * (c * moments[:n]).sum(axis=0) / resistance, heads)
+            effective_inertia = inertia * (c * rates[:n]).sum(axis=0)
+            exponent = 2.0 * inertia * (c * rate_derivatives[:n]).sum(axis=0) / effective_inertia
+            growth = np.exp(_integral(exponent, head_angles))
+            work = _integral(growth * 2.0 * (c * moments[:n]).sum(axis=0) / effective_inertia, head_angles)
             squared = (head_speed**2 + work) / growth
             if not (squared > 0.0).all():
                 raise ProblemError("the wave stops; push the first domino harder, or reduce the friction.")
             head_speeds = np.sqrt(squared)
-            seconds.append(float(np.trapezoid(1.0 / head_speeds, heads)))
+            seconds.append(float(np.trapezoid(1.0 / head_speeds, head_angles)))
             before, after = rates[:n, -1] * head_speeds[-1], rates[: n + 1, 0]
             c = weights[: n + 1, 0]
             head_speed = float(c[1:] @ before / (c @ after))
         return np.array(seconds)
 
-    def _train(self, heads: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the angles [rad], rates w and factors c of a train whose head leans by ``heads`` [rad].
+    def _train(self, head_angles: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the angles [rad], rates w and factors c of a train whose head leans by ``head_angles`` [rad].
 
         Returns:
-            From the head backwards, shape (N_IMPACTS + 1, len(heads)) each.
+            From the head backwards, shape (N_IMPACTS + 1, len(head_angles)) each.
 
         Raises:
             ProblemError: if dominoes do not push each other because of their friction.
         """
         thickness, _, height = self.size
-        angles, rates, weights = [heads], [np.ones(len(heads))], [np.ones(len(heads))]
+        angles, rates, weights = [head_angles], [np.ones(len(head_angles))], [np.ones(len(head_angles))]
         for _ in range(N_IMPACTS):
             sine = (self.pitch * np.cos(angles[-1]) - thickness) / height
             cosine, offset = np.sqrt(1.0 - sine * sine), self.pitch * np.sin(angles[-1])

@@ -74,11 +74,16 @@ class Integration:
         solver: solves impacts and accelerations.
         stop: the stopping criterion of each solve.
         start: the initial state.
-        tolerance: relative error of the integration of smooth phases.
+        tolerance: relative tolerance of the integration of smooth phases.
         longest_step: longest time between two states [s].
         flight: shortest flight [s]; see ``EventDriven``.
         events: the events so far, in order of time.
         phases: the smooth phases so far.
+        time: the current time [s].
+        position: the current q, shape (n,).
+        velocity: the current u, shape (n,).
+        modes: the current mode of each contact.
+        armed: whether the gap of an open contact is monitored, instead of its gap velocity, shape (n_contacts,).
     """
 
     system: MechanicalSystem
@@ -90,7 +95,7 @@ class Integration:
     flight: float
     events: list[Event] = field(default_factory=list)
     phases: list[Phase] = field(default_factory=list)
-    _impacts: dict[int, list[float]] = field(default_factory=dict)
+    _impact_times: dict[int, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.time = self.start.time
@@ -106,7 +111,14 @@ class Integration:
         return Motion(tuple(self.events), tuple(self.phases), self._state())
 
     def advance_to(self, until: float) -> Iterator[None]:
-        """Advance to the time ``until`` [s], phase by phase."""
+        """Advance to the time ``until`` [s], phase by phase.
+
+        Yields:
+            None after each phase, so that the caller may read the current state.
+
+        Raises:
+            MotionError: if the motion cannot start or continue; it has the motion computed so far.
+        """
         phase_starts = deque([-np.inf], maxlen=MAX_EVENTS_AT_ONCE)
         try:
             self.begin()
@@ -114,7 +126,7 @@ class Integration:
                 if len(phase_starts) == MAX_EVENTS_AT_ONCE and self.time - phase_starts[0] < self.flight:
                     raise MotionError(
                         f"at t = {self.time:.9g} s the contact modes change {MAX_EVENTS_AT_ONCE} times within "
-                        f"{self.flight:.0e} s; no mode is consistent to rounding; use a "
+                        f"{self.flight:.0e} s, because no modes are consistent within rounding error; use a "
                         "time-stepping method, such as Moreau.",
                         self.motion(),
                     )
@@ -150,7 +162,7 @@ class Integration:
         if hitting.any():
             self._impact(hitting)
         else:
-            self._settle(self.modes)
+            self._begin_phase(self.modes)
             self.events.clear()  # determining the initial modes is not an event
 
     def advance(self, until: float) -> None:
@@ -210,7 +222,7 @@ class Integration:
         closed, slip = modes.closed.copy(), modes.slip.copy()
         closed[contact] = trigger.kind != "open"
         slip[contact] = trigger.direction
-        self._settle(Modes(closed, slip))
+        self._begin_phase(Modes(closed, slip))
 
     def _impact(self, hitting: NDArray[np.bool_]) -> None:
         """Apply the impact law to all contacts that are closed or hit, and find the modes after it."""
@@ -233,10 +245,10 @@ class Integration:
         margin = ROUNDING * np.abs(before).max(initial=0.0)
         after = self._contact_velocity()
         closed = is_involved & (after[:, 0] <= margin)
-        self._settle(Modes(closed, self._slip(closed, after, margin)), hitting, impulses)
+        self._begin_phase(Modes(closed, self._slip(closed, after, margin)), hitting, impulses)
         self._check_accumulation(hitting & (after[:, 0] > margin))
 
-    def _settle(
+    def _begin_phase(
         self, candidates: Modes, hitting: NDArray[np.bool_] | None = None, impulses: FloatArray | None = None
     ) -> None:
         """Begin a phase: project onto the constraints, and find the modes from the laws at acceleration level."""
@@ -247,7 +259,7 @@ class Integration:
                 problem = self.laws.problem(self.position, self.velocity, candidates)
             except ProblemError as reason:
                 raise MotionError(
-                    f"at t = {self.time:.9g} s the laws at acceleration level are not a contact problem: "
+                    f"at t = {self.time:.9g} s the laws at acceleration level do not form a valid contact problem: "
                     f"{str(reason).rstrip('.')}; friction may drive a slipping contact into penetration (Painlevé). "
                     "Use a time-stepping method, such as Moreau.",
                     self.motion(),
@@ -305,7 +317,7 @@ class Integration:
     def _check_accumulation(self, bouncing: NDArray[np.bool_]) -> None:
         """Raise ``AccumulationError`` if the flights of a contact become shorter than ``flight``."""
         for i in np.flatnonzero(bouncing).tolist():
-            times = self._impacts.setdefault(i, [])
+            times = self._impact_times.setdefault(i, [])
             times.append(self.time)
             if len(times) < 3:
                 continue

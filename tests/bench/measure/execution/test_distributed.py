@@ -170,7 +170,9 @@ def test_a_worker_with_another_source_is_refused(tmp_path: Path, monkeypatch: py
             problem_task.ProblemTask(replace(given.run, machine=machine), (), given.problems, given.solvers)
         )
 
-    with pytest.raises(BenchError, match=r"1 of 1 problems could not be measured \(.*runs other code of Proxbench"):
+    with pytest.raises(
+        BenchError, match=r"1 of 1 problems could not be measured \(.*runs a different version of Proxbench"
+    ):
         measured(Inline(other), tmp_path, problems=PROBLEMS[:1])
 
 

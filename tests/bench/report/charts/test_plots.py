@@ -37,7 +37,7 @@ def test_unknown_names_are_refused_with_the_nearest_one() -> None:
 
 @pytest.mark.slow
 def test_a_solver_without_iterates_is_named_when_its_convergence_is_drawn() -> None:
-    with pytest.raises(BenchError, match="no iterates of Lemke are known on hard-sticking-box; choose a solver"):
+    with pytest.raises(BenchError, match="no iterates of Lemke were recorded on hard-sticking-box; choose a solver"):
         plot_convergence("hard-sticking-box", "Lemke")
 
 

@@ -97,6 +97,6 @@ def test_switching_points_are_laws_that_switch_and_instants_are_listed_beside() 
     assert "10 steps" in subtitle(simulation)
     assert "3 switching points at 2 instants" in subtitle(simulation)
     late = simulation_chart(simulation, 0.25).to_dict()["title"]
-    assert late["text"].endswith("from 0.75 s on")
+    assert late["text"].endswith("after 0.75 s")
     assert "3 steps" in late["subtitle"]
     assert "1 switching point at 1 instant" in late["subtitle"]

@@ -74,8 +74,8 @@ def test_a_bundle_gets_the_name_of_its_run(made: Run, tmp_path: Path, monkeypatc
     ("change", "reason"),
     [
         (with_run(judge=1), "was judged by version 1 of the judge"),
-        (with_run(sessions=[]), "rounds of a session that its run does not have"),
-        (with_plan(tolerances=[1e-3]), "has other tolerances than its plan"),
+        (with_run(sessions=[]), "refers to a session that its run lacks"),
+        (with_plan(tolerances=[1e-3]), "differs from its plan in its tolerances"),
         (with_plan(solvers=["NSGS"]), "is not in its plan"),
         (with_cases(without_impulses), "has no impulses"),
         (lambda packed: dataclasses.replace(packed, cases=[]), "has no measured case"),
@@ -117,7 +117,7 @@ def test_a_problem_that_differs_from_the_library_problem_of_its_name_is_reported
     write_bundle(forged, tmp_path / "odd.bundle")
     found = rejudge(tmp_path / "odd.bundle").disagreements
     assert len(found) == 4
-    assert all("differs from that of the library" in sentence for sentence in found)
+    assert all("differs from that of this package" in sentence for sentence in found)
 
 
 @pytest.mark.parametrize("name", ["../../etc/passwd.npz", "/etc/passwd", "nowhere.hdf5", "funnel-10000"])

@@ -19,7 +19,7 @@ def case(session: int = 0) -> CaseRecord:
     ("cases", "reason"),
     [
         ([], "has no measured case"),
-        ([case(session=1)], "has rounds of a session that its run does not have"),
+        ([case(session=1)], "refers to a session that its run lacks"),
         ([case()], "has no impulses"),
     ],
 )

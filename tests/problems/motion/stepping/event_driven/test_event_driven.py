@@ -93,7 +93,7 @@ def test_bouncing_ball_raises_at_the_accumulation_point() -> None:
 
 def test_impacts_of_one_contact_accumulate_although_a_contact_before_it_hits_for_the_first_time() -> None:
     """Contact 1 has hit at 0 and 1 s, and hits again at 1.25 s together with contact 0."""
-    motion = SimpleNamespace(_impacts={1: [0.0, 1.0]}, time=1.25, flight=0.5, motion=lambda: None)
+    motion = SimpleNamespace(_impact_times={1: [0.0, 1.0]}, time=1.25, flight=0.5, motion=lambda: None)
     with pytest.raises(AccumulationError) as raised:
         Integration._check_accumulation(motion, np.array([True, True]))  # type: ignore[arg-type]
     assert raised.value.impacts == 3
