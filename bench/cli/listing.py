@@ -15,11 +15,10 @@ from ...problems.exchange.index import ProblemSummary, stored_summaries, summary
 from ...problems.exchange.plugins.offers import Offer
 from ...problems.exchange.plugins.scenes import plugin_scenes
 from ...problems.motion.scenes.registry import SCENES
-from ...solvers.documentation import documentation_of
 from ...solvers.peers.installed import check_installed
 from ...solvers.registry import available, composites, create, natives, on_devices, parts, peers, plugin_solvers
 from ..errors import BenchError
-from ..plugins.descriptions import describe_scene, describe_solver, option_texts, plugin_problem
+from ..plugins.descriptions import describe_scene, describe_solver, documentation_of, option_texts, plugin_problem
 from ..report.layout.text import counted, output_width
 
 KINDS = ("solvers", "suites", "scenes", "problems")
