@@ -71,7 +71,7 @@ LEFT_OUT = re.compile(
 """Operators without an effect, such as unions of types, and implausible mistakes with numbers."""
 
 TEST_SECONDS = 20.0
-"""Default time limit of one test without its fixtures [s]; slower ones are skipped."""
+"""Default time limit of one test without its fixtures [s]; tests that take more than half of it are skipped."""
 
 MAX_SLOWDOWN = 5.0
 """Time of all tests with a change, relative to the time without it, from which they time out."""

@@ -106,7 +106,7 @@ def print_listing(names: dict[str, list[Row]], with_options: bool = False) -> No
 
 
 def _print_details(kind: str, row: Row) -> None:
-    """Print the summary of a built-in solver, and the options of a built-in solver or scene."""
+    """Print the options of a built-in scene, or the summary and options of a solver that needs no parts or extras."""
     name, options = row["name"], list[tuple[str, str]]()
     if kind == "scenes" and name in SCENES:
         options = _option_rows(name)

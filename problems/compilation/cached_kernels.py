@@ -27,8 +27,9 @@ _DIGESTS: dict[str, bytes] = {}
 class SourceLocator(_CacheLocator):
     """The folder in which numba's own locators cache a kernel of this package, and the digest of its sources."""
 
-    def __init__(self, locator: Any, digest: bytes) -> None:
+    def __init__(self, locator: Any, digest: bytes, py_file: str) -> None:
         self._locator, self._digest = locator, digest
+        self._py_file = py_file  # numba names it in warnings about kernels that it cannot cache
 
     @classmethod
     def from_function(cls, py_func: FunctionType, py_file: str) -> "SourceLocator | None":
@@ -40,7 +41,7 @@ class SourceLocator(_CacheLocator):
         others = (other for other in locators if other is not cls)
         base = next((locator for other in others if (locator := other.from_function(py_func, py_file))), None)
         try:
-            return cls(base, source_digest(module, py_func.__globals__)) if base else None
+            return cls(base, source_digest(module, py_func.__globals__), py_file) if base else None
         except OSError:
             return None
 

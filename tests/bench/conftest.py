@@ -38,7 +38,7 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with (base / "results.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not shared.exists():
-            shared.parent.mkdir()
+            shared.parent.mkdir(exist_ok=True)
             _measure(own).rename(shared)
     shutil.copytree(shared, own)
     return own
