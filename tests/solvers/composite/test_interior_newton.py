@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from proxbench.bench.simulation.generation.body_problems import body_problem
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.solvers import Status, Stop, create, solve
 from proxbench.solvers.composite.interior_newton import cone_programs, first_method, form_for
@@ -22,7 +23,7 @@ def test_it_solves_problems_that_interior_points_alone_do_not(name: str) -> None
 
 @pytest.mark.slow
 def test_newtons_method_from_zero_solves_an_impact_that_no_other_method_solves() -> None:
-    problem = load("bodies-wall-struck")
+    problem = body_problem("bodies-wall-struck")
     solution = solve(problem, tolerance=1e-8, max_iterations=10**6)
     assert solution.status is Status.SOLVED
     assert solution.message.endswith("HybridNewton: iteration limit; SemismoothNewton: solved")
