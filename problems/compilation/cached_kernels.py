@@ -20,6 +20,9 @@ from numba.core.extending import _Intrinsic
 
 PACKAGE = __name__.partition(".")[0]
 
+_LOCATORS: list[Any] = CacheImpl._locator_classes
+"""Classes that numba asks in turn where to cache a kernel."""
+
 _DIGESTS: dict[str, bytes] = {}
 """Digests of modules by name; that of a module with kernels is computed when its first kernel is defined."""
 
@@ -37,8 +40,7 @@ class SourceLocator(_CacheLocator):
         module = py_func.__module__
         if not module.startswith(f"{PACKAGE}."):
             return None
-        locators: list[Any] = CacheImpl._locator_classes
-        others = (other for other in locators if other is not cls)
+        others = (other for other in _LOCATORS if other is not cls)
         base = next((locator for other in others if (locator := other.from_function(py_func, py_file))), None)
         try:
             return cls(base, source_digest(module, py_func.__globals__), py_file) if base else None
@@ -101,7 +103,7 @@ def _number_bytes(name: str, value: Any) -> bytes:
     return b""
 
 
-CacheImpl._locator_classes.insert(0, SourceLocator)
+_LOCATORS.insert(0, SourceLocator)
 
 
 def load_cached_kernels() -> int:
