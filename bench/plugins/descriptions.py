@@ -1,6 +1,7 @@
 """Descriptions of plugins and of the caller's solvers, which are imported and created in a child process.
 
-The process returns JSON, and problems as the content of problem files.
+The process returns JSON, and problems as the content of problem files. Options of solvers, and what the docstrings of
+built-in solvers say, are read in this process.
 """
 
 import inspect
