@@ -198,7 +198,7 @@ def left_by_copies(problem: ContactProblem, impulses: FloatArray) -> float:
     and ‖ξ‖ = ε/φ. L is at most the largest G_hh |Λ_h|.
     """
     residual = Residual(problem)
-    held = residual.largest_held(impulses) / residual.scale if residual.scale > 0.0 else 0.0
+    held = residual.largest_diagonal_term(impulses) / residual.scale if residual.scale > 0.0 else 0.0
     return float(TOLERANCE ** (2.0 / 3.0) * (0.5 * held) ** (1.0 / 3.0))
 
 
