@@ -5,12 +5,13 @@ A package offers them as entry points of the groups ``proxbench.solvers``, ``pro
 so are names that two plugins share, because results must not depend on the order of installation.
 """
 
+import os
 import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from importlib import metadata
 from typing import Any, get_args
 
@@ -136,9 +137,24 @@ def _load_from_file(file: PluginFile, kind: Kind, name: str) -> Any:
 
 
 def _from_packages(kind: Kind) -> Iterator[Offer]:
-    for point in metadata.entry_points(group=f"proxbench.{kind}s"):
+    folders = tuple((folder, _change_time(folder)) for folder in sys.path)
+    for point in _entry_points(folders).select(group=f"proxbench.{kind}s"):
         package = f"package {point.dist.name} {point.dist.version}" if point.dist else "a package"
         yield Offer(kind, point.name, package, point.load)
+
+
+@lru_cache(maxsize=1)
+def _entry_points(folders: tuple[tuple[str, int], ...]) -> metadata.EntryPoints:
+    """Return the entry points of all installed packages, which are searched again after a folder has changed."""
+    return metadata.entry_points()
+
+
+def _change_time(folder: str) -> int:
+    """Return the time of the last change of a folder [ns], 0 if it cannot be read."""
+    try:
+        return os.stat(folder or os.curdir).st_mtime_ns
+    except OSError:
+        return 0
 
 
 def _rejection(offer: Offer, reserved: Collection[str], all_offers: list[Offer]) -> str:
