@@ -1,6 +1,6 @@
 """Tables of MuJoCo's contacts: the rise of a thrown cube by integrator and ``impratio``, and PGS on elliptic cones.
 
-``python tests/speed/mujoco_contacts.py lifts cones`` prints the tables of docs/results-engines.md. It needs the extra
+``python tests/speed/mujoco_contacts.py lifts cones`` prints numbers of docs/results-engines.md. It needs the extra
 ``mujoco``.
 
 *lifts* throws a cube along a floor for 0.6 s, with MuJoCo's forces and with those of Robust under Coulomb's law.

@@ -153,7 +153,7 @@ def _start_or_resume(request: Request) -> Simulation:
         if simulation.outputs != stored:  # if no steps remain, nothing else writes the result
             write_simulation(simulation, request.resume)
         if simulation.is_finished:
-            print(f"proxbench: {request.resume} is finished already; nothing was simulated.", file=sys.stderr)
+            print(f"proxbench: {request.resume} is already finished; nothing was simulated.", file=sys.stderr)
         return simulation
     plan = make_simulation_plan(request.scene, duration=request.duration, **request.plan_arguments)
     outputs = choose_outputs(SimulationOutputs(), request.chart, request.record, request.force)

@@ -60,7 +60,7 @@ def test_a_finished_simulation_that_is_resumed_keeps_its_solver_and_says_that_no
     printed = capsys.readouterr()
     assert "· NSGS ·" in printed.out
     assert "SORprox" not in printed.out
-    assert "is finished already; nothing was simulated." in printed.err
+    assert "is already finished; nothing was simulated." in printed.err
     assert file.read_bytes() == before
 
 
