@@ -1,8 +1,9 @@
-"""A fixed part of the table of all solvers and checks or cases: an eighth, in which each of them occurs."""
+"""A fixed part of the table of all solvers and checks or cases, in which each of them occurs."""
 
 STRIDE = 8
+"""Distance of the diagonals: an eighth of the table is on them."""
 
 
-def is_on_diagonal(row: int, column: int) -> bool:
-    """Return whether an entry of a table is on one of the diagonals that contain every eighth entry of each row."""
-    return (row + column) % STRIDE == 0
+def is_on_diagonal(row: int, column: int, stride: int = STRIDE) -> bool:
+    """Return whether an entry of a table is on one of the diagonals that contain every ``stride``-th entry of a row."""
+    return (row + column) % stride == 0

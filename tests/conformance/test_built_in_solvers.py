@@ -1,6 +1,8 @@
 """Every built-in solver passes the checks that plugins must pass.
 
-Slow tests run all checks on ``FIRST``, and an eighth of them on the other solvers; the rest is weekly.
+Daily tests run all checks on ``SORprox``, the short ones on ``Robust``, and an eighth of the short ones on most other
+solvers. Slow tests run all checks on ``FIRST``, all short ones on most solvers, and an eighth of the others; the rest
+is weekly.
 
 With PROXBENCH_PROFILE=full, each solver runs the checks with the limits of plugins. Otherwise, solves take fewer
 iterations, and only the default solver and ``SORprox`` solve hard cases of more than 100 rows.
@@ -8,7 +10,6 @@ iterations, and only the default solver and ``SORprox`` solve hard cases of more
 
 import os
 from dataclasses import replace
-from functools import cache
 from itertools import product
 from typing import Any
 
@@ -24,8 +25,8 @@ from proxbench.bench.conformance import (
     samples,
     solver_checks,
 )
-from proxbench.problems import ContactProblem
-from proxbench.problems.hard import CASE_GROUPS, hard_case
+from proxbench.problems.exchange.index import stored_summaries
+from proxbench.problems.hard import CASE_GROUPS
 from proxbench.solvers import Solver, Stop, create
 
 IS_FULL = os.environ.get("PROXBENCH_PROFILE") == "full"
@@ -125,7 +126,7 @@ def pairs() -> list[Any]:
 
 def marks_of(row: int, name: str, column: int, check: Check[Solver]) -> list[pytest.MarkDecorator]:
     if not is_slow(name, check):
-        return []
+        return [] if name in FIRST or is_on_diagonal(row, column) else [pytest.mark.slow]
     return [pytest.mark.slow if name in FIRST or is_on_diagonal(row, column) else pytest.mark.weekly]
 
 
@@ -133,25 +134,13 @@ def is_slow(name: str, check: Check[Solver]) -> bool:
     return name not in DAILY if check.name in LONG else name.startswith((*SLOW, *PATIENT))
 
 
-@cache
-def _made_case(name: str) -> ContactProblem:
-    return hard_case(name)
-
-
-def case_copy(name: str) -> ContactProblem:
-    """Return a copy of a hard case, in a fraction of the time that it takes to create it."""
-    return _made_case(name).fresh()
-
-
 def is_small(case: str) -> bool:
-    return _made_case(case).n_rows <= MAX_ROWS
+    return stored_summaries()[case].rows <= MAX_ROWS
 
 
 @pytest.fixture
 def few_iterations(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Reduce the limits and cases of the checks, unless the profile is full."""
-    for module in (samples, hard_checks, repetition_checks):
-        monkeypatch.setattr(module, "hard_case", case_copy)
     if IS_FULL:
         return
     monkeypatch.setattr(repetition_checks, "STOP", Stop(1e-9, max_iterations=50, max_seconds=0.5))

@@ -1,8 +1,9 @@
 """The checks that run on a few small problems also pass on each hard case.
 
-Daily tests run every built-in solver on one small case of each kind, except for the solvers in ``FOR_COMPARISON``. Slow
-tests run ``FIRST`` on all of the smallest cases, and the other solvers on an eighth of them; weekly tests run the rest,
-and those in ``FOR_COMPARISON``. With PROXBENCH_PROFILE=full, all solvers run on all cases of at most 400 rows.
+Daily tests run the solvers in ``WHOLE_ROW`` on one small case of each kind, and the others on a third of these cases,
+except for the solvers in ``FOR_COMPARISON``. Slow tests run ``FIRST`` on all of the smallest cases, and the other
+solvers on the rest of one case of each kind and on an eighth of all; weekly tests run the rest, and those in
+``FOR_COMPARISON``. With PROXBENCH_PROFILE=full, all solvers run on all cases of at most 400 rows.
 """
 
 import os
@@ -21,6 +22,7 @@ from proxbench.bench.conformance import (
     samples,
 )
 from proxbench.bench.conformance import solver_checks as checks
+from proxbench.problems.exchange.index import stored_summaries
 from proxbench.problems.hard import HARD_CASES, hard_case
 from proxbench.solvers import Stop, available, create
 
@@ -67,15 +69,21 @@ FOR_COMPARISON = {
 
 Only the full profile runs them on all cases."""
 
-DAILY = {
+DAILY = (
     "hard-stack-2-top-1e4",
     "hard-resting-block-2",
     "hard-incline-mu1-above",
     "hard-counterexample",
     "hard-tresca-joint",
     "hard-immovable-planar",
-}
+)
 """Cases with a mass ratio, redundant contacts, sliding in space, a cycle of sweeps, a fixed bound, and no solution."""
+
+WHOLE_ROW = {"Robust", "SORprox"}
+"""Solvers that daily tests run on all cases in ``DAILY``."""
+
+DAILY_STRIDE = 3
+"""One in so many of the cases in ``DAILY`` is daily for the other solvers."""
 
 FIRST = {"Robust", "SORprox", "NSGS"}
 """Solvers that slow tests run on all small cases: the default solver, and the sweeps that users choose most often."""
@@ -86,7 +94,7 @@ COMPARED = "hard-tresca-joint"
 LONGEST = ("Robust", "hard-resisting-sphere-1-axes")
 """The pair that takes as long as all others of the solver."""
 
-CASES = [name for name in HARD_CASES if 0 < hard_case(name).n_rows <= MAX_ROWS]
+CASES = [name for name in HARD_CASES if 0 < stored_summaries()[name].rows <= MAX_ROWS]
 
 SOLVERS = [name for name in available() if IS_FULL or not name.startswith("Cvxpy")]
 
@@ -103,7 +111,8 @@ def marks_of(row: int, name: str, column: int, case: str) -> list[pytest.MarkDec
     if name in FOR_COMPARISON:
         return [pytest.mark.slow if case == COMPARED else pytest.mark.weekly]
     if case in DAILY:
-        return []
+        is_daily = name in WHOLE_ROW or is_on_diagonal(row, DAILY.index(case), DAILY_STRIDE)
+        return [] if is_daily else [pytest.mark.slow]
     is_first = name in FIRST and (name, case) != LONGEST
     return [pytest.mark.slow if is_first or is_on_diagonal(row, column) else pytest.mark.weekly]
 

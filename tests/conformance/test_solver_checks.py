@@ -9,7 +9,7 @@ import faulty_solver
 import numpy as np
 import pytest
 from faulty_solver import SIDE_EFFECTS, Faulty
-from proxbench.bench.conformance import PROBLEM_CHECKS, SOLVER_CHECKS, NotApplicable, Violation
+from proxbench.bench.conformance import PROBLEM_CHECKS, SOLVER_CHECKS, NotApplicable, Violation, hard_checks
 from proxbench.bench.conformance.trial import require_known_answer
 from proxbench.problems import Answer, ContactProblem
 
@@ -22,6 +22,12 @@ def _forgotten() -> Iterator[None]:
     faulty_solver.memory.clear()
     yield
     faulty_solver.memory.clear()
+
+
+@pytest.fixture
+def _few_iterations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reduce the iterations of each hard case: a check must notice a fault, not solve the other cases of its group."""
+    monkeypatch.setattr(hard_checks, "HARD", replace(hard_checks.HARD, max_iterations=200))
 
 
 @pytest.mark.parametrize(
@@ -83,6 +89,7 @@ def _forgotten() -> Iterator[None]:
         ("warns", "silent", "it issued the warning 'look here'; report it"),
     ],
 )
+@pytest.mark.usefixtures("_few_iterations")
 def test_each_fault_is_detected_by_its_check(fault: str, check: str, words: str) -> None:
     with pytest.raises(Violation) as found:
         CHECKS[check].run(Faulty(fault))
@@ -97,6 +104,7 @@ FEW = ("counts copies twice", "moves")
 
 
 @pytest.mark.parametrize("check", SOLVER_CHECKS, ids=str)
+@pytest.mark.usefixtures("_few_iterations")
 def test_without_a_fault_every_check_is_passed(check: Any) -> None:
     check.run(Faulty(""))
 
