@@ -3,6 +3,7 @@
 With PROXBENCH_PROFILE=full, each property is tested on five hundred problems; with ``hunt``, on five thousand.
 """
 
+import os
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ from proxbench.problems.hard.families import (
     random_spectrum_problem,
 )
 from proxbench.solvers import Solver, Status, Stop, available, create
+
+IS_FULL = os.environ.get("PROXBENCH_PROFILE") in ("full", "hunt")
 
 TOLERANCE = 1e-6
 STOP = Stop(TOLERANCE, max_iterations=3000, max_seconds=10.0)
@@ -76,13 +79,15 @@ problems = st.one_of(
     st.builds(random_linked_problem, linked_families(), seeds),
 )
 solvers = st.sampled_from([create(name) for name in available()])
+loaded_solvers = st.sampled_from([create(name) for name in available() if IS_FULL or name != "ColouredSORprox"])
+"""Solvers whose kernels ``proxbench warm`` compiles for every problem; slow tests use the others too."""
 
 
 def trial_of(solver: Solver, problem: ContactProblem) -> Trial | None:
     return None if solver.supports(problem) is not None else run_trial(solver, problem, STOP)
 
 
-@given(problem=problems, solver=solvers)
+@given(problem=problems, solver=loaded_solvers)
 def test_status_of_a_solver_is_true_and_its_answer_is_a_known_one(problem: ContactProblem, solver: Solver) -> None:
     digest = problem.digest
     trial = trial_of(solver, problem)
@@ -128,7 +133,7 @@ def end_no_worse(problem: ContactProblem, solver: Solver, tolerances: list[float
         before = trial.residual
 
 
-@given(problem=problems, solver=solvers, seed=seeds, size=st.integers(-6, 3), outside=st.booleans())
+@given(problem=problems, solver=loaded_solvers, seed=seeds, size=st.integers(-6, 3), outside=st.booleans())
 def test_from_any_start_the_status_is_true_and_the_residual_does_not_increase(
     problem: ContactProblem, solver: Solver, seed: int, size: int, outside: bool
 ) -> None:

@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,9 @@ FOLDER = Path(__file__).parents[2] / "docs" / "plugins"
 PLUGINS = {"FBF": FOLDER / "fbf.py", "TrescaFixedPoint": FOLDER / "tresca_fixed_point.py"}
 
 
+@cache
 def module_of(name: str) -> Any:
+    """Return the module of a plugin, whose kernels are compiled once."""
     spec = importlib.util.spec_from_file_location(PLUGINS[name].stem, PLUGINS[name])
     assert spec is not None
     assert spec.loader is not None

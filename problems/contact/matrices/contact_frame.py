@@ -29,7 +29,7 @@ def contact_frames(normals: FloatArray) -> FloatArray:
 @njit(cache=True)
 def write_frame(normal, dim, rows):  # type: ignore[no-untyped-def]
     """Write N and T (planar) or N, T1, T2 (spatial, see ``tangents``) into ``rows``."""
-    x, y, z = normal
+    x, y, z = normal[0], normal[1], normal[2]  # unpacking an array would compile for seconds
     rows[0, 0], rows[0, 1], rows[0, 2] = x, y, z
     if dim == 2:
         rows[1, 0], rows[1, 1] = -y, x
