@@ -9,9 +9,12 @@ from pathlib import Path
 import pytest
 from proxbench.bench import load
 from proxbench.bench.cli.main import run_command
+from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import load as load_problem
 from proxbench.problems import save_problem
 from proxbench.problems.motion.scenes.registry import SCENES
+from simulated_runs import store_run
+from stored_cases import case_record, solved_case
 
 
 @pytest.mark.parametrize(
@@ -143,10 +146,14 @@ def test_quiet_record_prints_the_command_that_opens_the_recording(
     assert capsys.readouterr().out == f"open it with: rerun {file}\n"
 
 
-def test_json_is_one_document_and_nothing_else(finished_run: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command(["report", str(finished_run), "--json", "--no-charts"]) == 1
+def test_json_is_one_document_and_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A solver that crashed on the second problem makes the exit code one."""
+    cases = [solved_case(load_problem("funnel-30"), name, [1e-2, 1e-4]) for name in ("NSGS", "SORprox")]
+    crashed = case_record(problem="hard-groove", solver="NSGS", outcome=Outcome.CRASHED, reason="why")
+    run = store_run(tmp_path / "run", [*cases, crashed])
+    assert run_command(["report", str(run), "--json", "--no-charts"]) == 1
     document = json.loads(capsys.readouterr().out)
-    assert len(document["results"]) == 15
+    assert len(document["results"]) == 3
     assert document["damaged"] == []
 
 

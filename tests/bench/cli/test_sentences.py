@@ -7,17 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.bench.cli.main import app, run_command
+from simulated_runs import store_run
+from stored_cases import case_record
 from typer.main import get_command
 
 PLUGIN = Path(__file__).parents[1] / "plugins" / "scene_plugin.py"
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, finished_run: Path) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a run in a folder of runs, an invalid bundle, an empty folder and a problem file."""
     made = tmp_path_factory.mktemp("here")
     (made / "runs").mkdir()
-    (made / "runs" / "one").symlink_to(finished_run)
+    store_run(made / "runs" / "one", [case_record()])
     (made / "a.bundle").write_bytes(b"")
     (made / "empty").mkdir()
     np.savez(made / "plain.npz", G=np.eye(3), c=np.ones(3), mu=0.5)

@@ -50,10 +50,15 @@ def random_seconds(seed: int, problems: int = 17, solvers: int = 5) -> pd.DataFr
     return pd.DataFrame(seconds, [f"p{k}" for k in range(problems)], [f"s{k}" for k in range(solvers)])
 
 
-def on_stairs(corners: pd.DataFrame, column: str, solver: str, at: float) -> float:
-    """The height of a solver's staircase at ``at``."""
-    own = corners[corners["solver"] == solver]
-    return float(own["share"][own[column] <= at].iloc[-1])
+def staircases(corners: pd.DataFrame, column: str) -> dict[str, tuple[list[float], list[float]]]:
+    """The places and heights of the corners of each solver's staircase, in ascending order."""
+    return {name: (own[column].tolist(), own["share"].tolist()) for name, own in corners.groupby("solver")}
+
+
+def height(stairs: tuple[list[float], list[float]], at: float) -> float:
+    """The height of the last corner of a staircase that is at most at ``at``."""
+    places, heights = stairs
+    return [share for place, share in zip(places, heights, strict=True) if place <= at][-1]
 
 
 def declining(frames: RunFrames, problem: str, solver: str) -> RunFrames:
@@ -158,7 +163,7 @@ def threaded(tmp_path: Path) -> RunFrames:
     return load(store_run(tmp_path / "run", [replace_fields(case, threads=THREADS[case.solver]) for case in cases]))
 
 
-@pytest.mark.parametrize(("baseline", "compared"), [("A", {"B"}), ("C", {"D"})])
+@pytest.mark.parametrize(("baseline", "compared"), [("A", {"B"}), pytest.param("C", {"D"}, marks=pytest.mark.slow)])
 def test_times_are_compared_between_solvers_in_as_many_threads(
     baseline: str, compared: set[str], threaded: RunFrames
 ) -> None:
@@ -203,15 +208,16 @@ def test_profiles_equal_their_definition_over_the_solvers_shown(seed: int, dropp
     seconds = random_seconds(seed).drop(columns=dropped)
     performance, data, budgets = performance_profile(seconds), data_profile(seconds), budget_table(seconds)
     times = seconds.to_dict()
+    by_ratio, by_time = staircases(performance, "ratio"), staircases(data, "seconds")
     for solver, own in times.items():
         for ratio in np.append(performance["ratio"].unique(), [1.7, 1e9]):
             count = 0
             for problem, time in own.items():
                 solved = [other[problem] for other in times.values() if other[problem] == other[problem]]
                 count += bool(solved) and time / min(solved) <= ratio
-            assert on_stairs(performance, "ratio", solver, ratio) == count / len(own)
+            assert height(by_ratio[solver], ratio) == count / len(own)
         for limit in np.append(data["seconds"].unique(), BUDGETS[-1] * 20):
-            assert on_stairs(data, "seconds", solver, limit) == sum(time <= limit for time in own.values()) / len(own)
+            assert height(by_time[solver], limit) == sum(time <= limit for time in own.values()) / len(own)
         for row in budgets[budgets["solver"] == solver].to_dict("records"):
             assert row["solved"] == sum(time <= row["budget"] for time in own.values())
             assert row["share"] == row["solved"] / row["problems"] == row["solved"] / len(own)

@@ -1,6 +1,7 @@
 """Result files contain the whole simulation, and incomplete files are refused with one sentence."""
 
 import json
+import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -19,11 +20,18 @@ from proxbench.problems.exchange.files.problem_file import save_problem
 Pour = Callable[..., SimulationPlan]
 
 
-@pytest.fixture
-def stored(pour: Pour, tmp_path: Path) -> Path:
-    file = tmp_path / "stored.npz"
-    simulate(pour(150), file)
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The result file of a pour, which all tests read and none changes."""
+    file = tmp_path_factory.mktemp("simulated") / "stored.npz"
+    simulate(make_simulation_plan("pile", {"balls": 10}, stepper="Moreau(step=1e-3)", duration=0.15), file)
     return file
+
+
+@pytest.fixture
+def stored(simulated: Path, tmp_path: Path) -> Path:
+    """A copy of the file, to which the test may write."""
+    return Path(shutil.copy(simulated, tmp_path))
 
 
 def rewritten(file: Path, **changes: Any) -> None:
