@@ -53,11 +53,19 @@ def parsed(file: Path) -> ast.Module:
     return ast.parse(file.read_text(encoding="utf-8"))
 
 
+def statements(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements of a node, also inside functions, without their expressions, which are most of all nodes."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.stmt | ast.ExceptHandler | ast.match_case):
+            yield child
+            yield from statements(child)
+
+
 @cache
 def imports(file: Path) -> list[tuple[int, str, list[str]]]:
     """Return level, module and names of every import of a file, also inside functions."""
     found: list[tuple[int, str, list[str]]] = []
-    for node in ast.walk(parsed(file)):
+    for node in statements(parsed(file)):
         if isinstance(node, ast.Import):
             found += [(0, alias.name, []) for alias in node.names]
         if isinstance(node, ast.ImportFrom):
