@@ -1,6 +1,7 @@
 """The known answers of the hard cases agree with the judge and with independent algorithms."""
 
 import os
+from functools import cache
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ from proxbench.bench.conformance.trial import require_known_answer
 from proxbench.problems import ContactProblem, ProblemError, judge
 from proxbench.problems.contact.laws import LawKind
 from proxbench.problems.contact.residual import UNIT, Residual
-from proxbench.problems.hard import CASE_GROUPS, GRAVITY, HARD_CASES, TIME_STEP, hard_case
+from proxbench.problems.hard import CASE_GROUPS, GRAVITY, HARD_CASES, TIME_STEP
+from proxbench.problems.hard import hard_case as build_case
 from proxbench.solvers import Status, create, solve
 
 SEEKERS = ("Lemke", "SORprox(relaxation=0.9)", "Refined(ClarabelCoulomb)")
@@ -18,6 +20,12 @@ MAX_ROWS = 600 if os.environ.get("PROXBENCH_PROFILE") == "full" else 40
 """Largest number of rows of cases for which solutions are sought."""
 
 IMMOVABLE = [name for name in HARD_CASES if name.startswith("hard-immovable")]
+
+
+@cache
+def hard_case(name: str) -> ContactProblem:
+    """Return a case, which all tests of this file share."""
+    return build_case(name)
 
 
 def answer_of(problem: ContactProblem):  # type: ignore[no-untyped-def]
@@ -210,7 +218,7 @@ def test_cases_are_reproducible_and_cover_every_kind_of_law() -> None:
     kinds: set[int] = set()
     for name in HARD_CASES:
         problem = hard_case(name)
-        assert problem.digest == hard_case(name).digest
+        assert problem.digest == build_case(name).digest
         kinds |= set(problem.laws.kind.tolist())
     assert kinds == {kind.value for kind in LawKind}
     assert sum(map(len, CASE_GROUPS.values())) == len(HARD_CASES)

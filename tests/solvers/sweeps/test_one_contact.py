@@ -47,7 +47,7 @@ def planar(delassus: np.ndarray, free: np.ndarray, friction: float, fixed: float
     return np.array(solve_planar(*delassus.reshape(-1), *free, friction, fixed, *old))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(seed=SEEDS, spread=st.integers(0, 3), friction=MU, fixed=FIXED, size=STRENGTH, warm=st.booleans())
 def test_a_spatial_contact_of_full_rank_is_solved_to_rounding(
     seed: int, spread: int, friction: float, fixed: float, size: int, warm: bool
@@ -60,7 +60,7 @@ def test_a_spatial_contact_of_full_rank_is_solved_to_rounding(
     assert violation(delassus, free, friction, fixed, impulses) <= 1e-11
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(seed=SEEDS, spread=st.integers(0, 5), friction=MU, fixed=FIXED, size=STRENGTH, warm=st.booleans())
 def test_a_planar_contact_of_full_rank_is_solved_to_rounding(
     seed: int, spread: int, friction: float, fixed: float, size: int, warm: bool
@@ -72,7 +72,7 @@ def test_a_planar_contact_of_full_rank_is_solved_to_rounding(
     assert violation(delassus, free, friction, fixed, impulses) <= 1e-11
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(seed=SEEDS, dim=st.sampled_from([2, 3]), rank=st.integers(1, 2), friction=MU, fixed=FIXED, warm=st.booleans())
 def test_a_rank_deficient_block_is_solved_if_its_velocity_is_in_the_range(
     seed: int, dim: int, rank: int, friction: float, fixed: float, warm: bool
@@ -86,7 +86,7 @@ def test_a_rank_deficient_block_is_solved_if_its_velocity_is_in_the_range(
     assert violation(delassus, free, friction, fixed, impulses) <= 1e-9
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(seed=SEEDS, friction=MU, fixed=FIXED, warm=st.booleans())
 def test_a_planar_answer_is_among_all_that_enumeration_finds(
     seed: int, friction: float, fixed: float, warm: bool
@@ -125,7 +125,7 @@ def test_a_spatial_answer_is_that_of_a_search_over_all_directions(seed: int, fri
 def test_every_direction_of_slip_is_found() -> None:
     """Two or four zeros are chosen, and f is constructed from them."""
     rng = np.random.default_rng(5)
-    for _ in range(2000):
+    for _ in range(500):
         chosen = np.sort(rng.uniform(-np.pi, np.pi, 4))
         if np.diff(np.concatenate([chosen, [chosen[0] + 2 * np.pi]])).min() < 1e-3:
             continue

@@ -13,7 +13,7 @@ StepErrors = Callable[[object, float, int], tuple[NDArray[np.float64], NDArray[n
 Order = Callable[[list[float], list[float]], float]
 
 
-@pytest.mark.parametrize("time_step", [1e-1, 1e-2, 1e-3])
+@pytest.mark.parametrize("time_step", [1e-1, 1e-2, 2.5e-3])
 @pytest.mark.parametrize(("slope", "friction"), [(0.3, 0.5), (0.3, 0.02), (0.8, 0.1), (1.2, 0.9), (0.2, 0.0)])
 def test_the_sphere_is_exact_at_any_time_step(
     step_errors: StepErrors, slope: float, friction: float, time_step: float
@@ -48,7 +48,7 @@ def test_a_block_at_the_limit_of_friction_stays_and_beyond_it_slides(step_errors
             assert scene.exact(1.0).velocity[0] == pytest.approx(9.81 * 1e-9 / cos(slope), rel=1e-6)
 
 
-@pytest.mark.parametrize("time_step", [1e-1, 1e-2, 1e-3])
+@pytest.mark.parametrize("time_step", [1e-1, 1e-2, 2.5e-3])
 def test_a_sliding_block_is_exact_until_it_stops(step_errors: StepErrors, time_step: float) -> None:
     for scene in (BlockOnIncline(0.8, 0.1, 0.0), BlockOnIncline(0.8, 0.1, 1.0), BlockOnIncline(0.3, 0.5, 1.0)):
         steps = int(min(scene.stop_time, 0.4) / time_step) if scene.speed else 4
@@ -63,7 +63,7 @@ def test_stopping_gives_a_second_order_position_error_and_an_exact_velocity(
     """The block stops at a fraction s of a step; the trapezoid over the kink has the error a s (1 − s) Δt²/2."""
     scene, fraction = BlockOnIncline(0.3, 0.5, -1.0), 0.25
     deceleration, time_steps, errors = 9.81 * (0.5 * cos(0.3) + sin(0.3)), [], []
-    for steps in (10, 30, 90, 270):
+    for steps in (10, 30, 90):
         time_step = scene.stop_time / (steps + fraction)
         positions, velocities = step_errors(scene, time_step, 2 * steps)
         assert velocities.max() <= 1e-11
@@ -80,7 +80,7 @@ def test_reversal_gives_a_first_order_velocity_error(step_errors: StepErrors, or
     This changes the velocity permanently by 2 s μ g cos θ Δt.
     """
     scene, fraction, time_steps, errors = BlockOnIncline(0.5, 0.2, -1.0), 0.25, [], []
-    for steps in (10, 30, 90, 270):
+    for steps in (10, 30, 90):
         time_step = scene.stop_time / (steps + fraction)
         _, velocities = step_errors(scene, time_step, 2 * steps)
         assert velocities[-1] == pytest.approx(2.0 * fraction * 0.2 * 9.81 * cos(0.5) * time_step, rel=1e-6)
@@ -111,7 +111,7 @@ def test_the_sliding_sphere_has_the_exact_velocity_and_second_order_in_position(
 ) -> None:
     """Rolling begins at a fraction s of a step; the trapezoid over the kink has the error μ g s (1 − s) Δt²/2."""
     scene, fraction, time_steps, errors = SlidingSphere(), 0.5, [], []
-    for steps in (10, 30, 90, 270):
+    for steps in (10, 30, 90):
         time_step = scene.rolling_time / (steps + fraction)
         positions, velocities = step_errors(scene, time_step, 2 * steps)
         assert velocities.max() <= 1e-10

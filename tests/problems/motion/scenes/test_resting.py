@@ -50,7 +50,7 @@ def test_touching_bodies_penetrate_by_second_order(step_errors: StepErrors, orde
 
 @pytest.mark.parametrize("friction", [None, 0.0, 0.3, 1.5])
 def test_a_ball_in_a_level_groove_rests(step_errors: StepErrors, friction: float | None) -> None:
-    positions, velocities = step_errors(VGroove(friction=friction, slope=0.0), 1e-3, 1000)
+    positions, velocities = step_errors(VGroove(friction=friction, slope=0.0), 1e-3, 200)
     assert positions.max() <= 1e-11
     assert velocities.max() <= 1e-11
 
@@ -62,7 +62,7 @@ def test_the_walls_of_a_groove_without_friction_share_the_weight() -> None:
     assert scene.wall_force == pytest.approx(9.81 / (2.0 * sin(0.4)), rel=1e-14)
 
 
-@pytest.mark.parametrize("time_step", [1e-1, 1e-2, 1e-3])
+@pytest.mark.parametrize("time_step", [1e-1, 1e-2, 2.5e-3])
 @pytest.mark.parametrize("friction", [None, 0.3, 0.05])
 def test_a_ball_in_an_inclined_groove_is_exact_at_any_time_step(
     step_errors: StepErrors, friction: float | None, time_step: float

@@ -42,7 +42,7 @@ def over_pieces(problem: ContactProblem) -> ContactProblem:
     return ContactProblem(problem.free_velocity, problem.laws, factors=replace(problem.factors, directions=pieces))
 
 
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=10)
 @given(seed=st.integers(0, 2**31), momentum=st.sampled_from([(0.0, 0.0), (0.6, 0.0), (0.9, 4.0)]), warm=st.booleans())
 def test_sweeps_over_balls_give_the_iterates_and_velocities_of_sweeps_over_pieces(
     seed: int, momentum: tuple[float, float], warm: bool

@@ -29,7 +29,7 @@ def test_the_error_of_a_scene_falls_with_its_order(name: str) -> None:
 
 
 def test_free_bodies_keep_energy_and_momentum() -> None:
-    for row in convergence_orders.free(2000):
+    for row in convergence_orders.free(1000):
         assert row["energy"] <= 1e-12
         assert row["|Jω|"] <= 1e-12
         assert row["momentum"] <= 1e-15
