@@ -12,6 +12,12 @@ REFERENCE = Path(__file__).parents[3] / "results/reference.bundle"
 
 
 @pytest.fixture(scope="session")
+def finished(finished_run: Path) -> RunFrames:
+    """The small finished run, read once; tests change copies of its tables."""
+    return load(finished_run)
+
+
+@pytest.fixture(scope="session")
 def reference_run() -> RunFrames:
     """A run of fifteen solvers on eight problems."""
     return load(REFERENCE)

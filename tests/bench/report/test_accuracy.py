@@ -19,6 +19,7 @@ from proxbench.bench.report.accuracy import (
 )
 from proxbench.bench.report.cells import duration, shown_families, shown_points, shown_results, shown_summary
 from proxbench.bench.report.tables import print_tables, results_table, write_tables
+from proxbench.bench.store.frames import RunFrames
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
 from proxbench.bench.store.records import CaseRecord, Point
@@ -218,5 +219,5 @@ def test_the_table_of_starts_compares_the_problems_solved_both_ways(tmp_path: Pa
     assert np.isnan(rows.loc["r", "gain"])
 
 
-def test_a_run_without_warm_solvers_has_no_table_of_starts(finished_run: Path) -> None:
-    assert starts_table(load(finished_run)).empty
+def test_a_run_without_warm_solvers_has_no_table_of_starts(finished: RunFrames) -> None:
+    assert starts_table(finished).empty

@@ -7,7 +7,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from msgspec.structs import replace as changed
-from proxbench.bench import load
 from proxbench.bench.errors import BenchError
 from proxbench.bench.report import tables
 from proxbench.bench.report.accuracy import families, families_table, problems_table, summary_table
@@ -21,9 +20,9 @@ FAMILIES = {"hard-counterexample": "algebraic", "hard-immovable": "algebraic", "
 
 
 @pytest.fixture
-def grouped(finished_run: Path) -> RunFrames:
+def grouped(finished: RunFrames) -> RunFrames:
     """The small run, with two of its three problems in one family."""
-    frames = load(finished_run)
+    frames = finished
     info = changed(frames.info, plan=changed(frames.info.plan, families=FAMILIES))
     cases, points = (frame.assign(family=frame["problem"].map(FAMILIES)) for frame in (frames.cases, frames.points))
     return replace(frames, info=info, cases=cases, points=points)

@@ -73,9 +73,9 @@ def declining(frames: RunFrames, problem: str, solver: str) -> RunFrames:
 
 
 @pytest.fixture
-def declined(finished_run: Path) -> RunFrames:
+def declined(finished: RunFrames) -> RunFrames:
     """The small run, in which ClarabelSOCP supports two of three problems."""
-    return declining(load(finished_run), "funnel-30", "ClarabelSOCP")
+    return declining(finished, "funnel-30", "ClarabelSOCP")
 
 
 def test_common_profiles_leave_out_problems_that_a_solver_does_not_support(declined: RunFrames) -> None:
@@ -303,8 +303,8 @@ def test_a_run_without_cases_has_no_profiles(finished_run: Path, tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_problems_with_an_excluded_time_are_left_out_of_times_and_stay_in_residuals(finished_run: Path) -> None:
-    frames = load(finished_run)
+def test_problems_with_an_excluded_time_are_left_out_of_times_and_stay_in_residuals(finished: RunFrames) -> None:
+    frames = finished
     marked = (frames.points["problem"] == "funnel-30") & (frames.points["solver"] == "SORprox")
     one = replace(frames, points=frames.points.assign(is_excluded=marked))
     assert "funnel-30" in seconds_matrix(frames, 1e-4).index

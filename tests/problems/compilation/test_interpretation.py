@@ -33,17 +33,6 @@ VARIED_PROBLEMS = [
 ]
 
 
-def test_a_small_problem_is_built_without_compilation() -> None:
-    code = """
-import numpy as np
-from proxbench.problems import ContactProblem
-from proxbench.problems.compilation.notice import COMPILATION
-ContactProblem.from_delassus(np.eye(6) + 1.0, -np.ones(6), 0.3)
-print(COMPILATION.kernels)
-"""
-    assert _run_on_an_empty_cache(code) == ["0"]
-
-
 @pytest.mark.slow
 def test_listing_compiles_nothing_and_loads_no_generated_problem(tmp_path: Path) -> None:
     save_problem(load("hard-groove"), tmp_path / "bodies-box-sticking.npz")
@@ -70,11 +59,14 @@ print(code, is_available("bodies-box-sticking"), "SORprox" in text.getvalue(), C
         ([-1.0, 0.2, 0.1], 3),
     ],
 )
-def test_the_first_solve_of_a_small_problem_compiles_nothing(free_velocity: list[float], dim: int) -> None:
+def test_two_coupled_contacts_are_built_and_one_is_solved_without_compilation(
+    free_velocity: list[float], dim: int
+) -> None:
     code = f"""
 import numpy as np
 from proxbench import ContactProblem, solve
 from proxbench.problems.compilation.notice import COMPILATION
+ContactProblem.from_delassus(np.eye(6) + 1.0, -np.ones(6), 0.3, dim={dim})
 problem = ContactProblem.from_delassus(np.eye({dim}), {free_velocity}, 0.3, dim={dim})
 print(solve(problem).status, COMPILATION.kernels)
 """

@@ -7,7 +7,6 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from proxbench.bench import load
 from proxbench.bench.report.charts.problems import (
     MAX_RESIDUAL,
     convergence,
@@ -15,6 +14,7 @@ from proxbench.bench.report.charts.problems import (
     work_precision,
     write_charts,
 )
+from proxbench.bench.store.frames import RunFrames
 from proxbench.bench.store.outcome import Outcome
 
 
@@ -23,14 +23,14 @@ def in_legends(chart: dict[str, Any]) -> set[str]:
     return {name for panel in chart["vconcat"] for name in panel["layer"][0]["encoding"]["color"]["legend"]["values"]}
 
 
-def test_accuracy_axis_shows_the_judged_residual_not_the_tolerance(finished_run: Path) -> None:
-    chart = json.loads(work_precision(load(finished_run), "funnel-30").to_json())
+def test_accuracy_axis_shows_the_judged_residual_not_the_tolerance(finished: RunFrames) -> None:
+    chart = json.loads(work_precision(finished, "funnel-30").to_json())
     fields = {layer["encoding"]["x"]["field"] for layer in chart["layer"] if layer["mark"]["type"] != "text"}
     assert fields == {"residual"}
 
 
-def test_a_solver_has_the_same_colour_in_every_chart(finished_run: Path) -> None:
-    frames = load(finished_run)
+def test_a_solver_has_the_same_colour_in_every_chart(finished: RunFrames) -> None:
+    frames = finished
     scales = [
         json.loads(chart.to_json())["layer"][0]["encoding"]["color"]["scale"]
         for chart in (work_precision(frames, "funnel-30"), convergence(frames, "hard-counterexample"))
@@ -38,15 +38,15 @@ def test_a_solver_has_the_same_colour_in_every_chart(finished_run: Path) -> None
     assert scales[0] == scales[1]
 
 
-def test_legends_name_the_solvers_that_are_shown(finished_run: Path) -> None:
-    names = in_legends(json.loads(problem_chart(load(finished_run), "funnel-30").to_json()))
+def test_legends_name_the_solvers_that_are_shown(finished: RunFrames) -> None:
+    names = in_legends(json.loads(problem_chart(finished, "funnel-30").to_json()))
     assert {"SORprox", "ClarabelSOCP"} <= names
     assert "Misbehaving(raise)" not in names  # it has no points
 
 
 @pytest.mark.slow
-def test_omitted_solvers_are_named_with_the_reason(finished_run: Path) -> None:
-    frames = load(finished_run)
+def test_omitted_solvers_are_named_with_the_reason(finished: RunFrames) -> None:
+    frames = finished
     chart = json.loads(problem_chart(frames, "funnel-30").to_json())
     costs, iterations = (" ".join(panel["title"]["subtitle"]) for panel in chart["vconcat"][:2])
     assert "not shown: Misbehaving(raise) (crashed" in costs
@@ -54,8 +54,8 @@ def test_omitted_solvers_are_named_with_the_reason(finished_run: Path) -> None:
     assert "not shown: ClarabelSOCP, Misbehaving(lie) (no iterates)" in iterations
 
 
-def test_the_reason_why_a_problem_is_unsupported_is_shown(finished_run: Path) -> None:
-    frames = load(finished_run)
+def test_the_reason_why_a_problem_is_unsupported_is_shown(finished: RunFrames) -> None:
+    frames = finished
     points = frames.points[frames.points["solver"] != "SORprox"]
     cases = frames.cases.copy()
     cases.loc[cases["solver"] == "SORprox", ["outcome", "reason"]] = [Outcome.UNSUPPORTED.value, "no balls " * 20]
@@ -66,8 +66,8 @@ def test_the_reason_why_a_problem_is_unsupported_is_shown(finished_run: Path) ->
     assert all(len(line) < 130 for line in lines)
 
 
-def test_every_point_is_marked_as_answered_or_not(finished_run: Path) -> None:
-    chart = json.loads(work_precision(load(finished_run), "funnel-30").to_json())
+def test_every_point_is_marked_as_answered_or_not(finished: RunFrames) -> None:
+    chart = json.loads(work_precision(finished, "funnel-30").to_json())
     filters = [layer["transform"][0]["filter"] for layer in chart["layer"] if layer["mark"]["type"] == "point"]
     answered, unanswered = (set(chosen["oneOf"]) for chosen in filters if isinstance(chosen, dict))
     assert answered == {Outcome.SOLVED, Outcome.RELAXED}
@@ -75,8 +75,8 @@ def test_every_point_is_marked_as_answered_or_not(finished_run: Path) -> None:
     assert not answered & unanswered
 
 
-def test_a_diverging_curve_leaves_the_chart_instead_of_levelling_off(finished_run: Path) -> None:
-    frames = load(finished_run)
+def test_a_diverging_curve_leaves_the_chart_instead_of_levelling_off(finished: RunFrames) -> None:
+    frames = finished
     growing = pd.DataFrame(
         {"problem": "funnel-30", "solver": "SORprox", "iteration": [1, 2, 3], "residual": [0.5, 200.0, 1e9]}
     )
@@ -87,8 +87,8 @@ def test_a_diverging_curve_leaves_the_chart_instead_of_levelling_off(finished_ru
 
 
 @pytest.mark.slow
-def test_one_chart_of_every_problem_and_those_of_the_run_are_written(finished_run: Path, tmp_path: Path) -> None:
-    files = write_charts(load(finished_run), tmp_path)
+def test_one_chart_of_every_problem_and_those_of_the_run_are_written(finished: RunFrames, tmp_path: Path) -> None:
+    files = write_charts(finished, tmp_path)
     names = {file.name for file in files}
     charts = ("funnel-30", "hard-counterexample", "summary-success", "summary-time")  # hard-immovable: no finite value
     assert names == {f"{chart}.{kind}" for chart in charts for kind in ("svg", "png")}

@@ -2,14 +2,13 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
-from proxbench.bench import load
 from proxbench.bench.report import accuracy
 from proxbench.bench.report.accuracy import summary_table
 from proxbench.bench.report.charts.summary import success_chart, summary_charts, time_chart
+from proxbench.bench.store.frames import RunFrames
 from proxbench.bench.store.outcome import Outcome
 
 
@@ -20,8 +19,8 @@ def rows(chart: Any, field: str) -> list[dict[str, Any]]:
 
 
 @pytest.mark.slow
-def test_means_and_shares_are_those_of_the_summary_table(finished_run: Path) -> None:
-    frames = load(finished_run)
+def test_means_and_shares_are_those_of_the_summary_table(finished: RunFrames) -> None:
+    frames = finished
     means = {(row["solver"], row["accuracy"]): row for row in rows(time_chart(frames), "reached")}
     for row in summary_table(frames).to_dict("records"):
         for level in (1e-4, 1e-6):
@@ -32,8 +31,8 @@ def test_means_and_shares_are_those_of_the_summary_table(finished_run: Path) -> 
 
 
 @pytest.mark.slow
-def test_counts_match_the_claims_and_the_verdicts(finished_run: Path) -> None:
-    frames = load(finished_run)
+def test_counts_match_the_claims_and_the_verdicts(finished: RunFrames) -> None:
+    frames = finished
     counts = {(row["solver"], row["tolerance"]): row for row in rows(success_chart(frames), "claimed")}
     for row in summary_table(frames).to_dict("records"):
         cell = counts[row["solver"], "1e-4"]
@@ -42,8 +41,8 @@ def test_counts_match_the_claims_and_the_verdicts(finished_run: Path) -> None:
 
 
 @pytest.mark.slow
-def test_solvers_that_support_no_problem_are_named(finished_run: Path) -> None:
-    frames = load(finished_run)
+def test_solvers_that_support_no_problem_are_named(finished: RunFrames) -> None:
+    frames = finished
     cases = frames.cases.copy()
     cases.loc[cases["solver"] == "SORprox", "outcome"] = Outcome.UNSUPPORTED
     for chart in summary_charts(replace(frames, cases=cases)).values():
@@ -51,8 +50,8 @@ def test_solvers_that_support_no_problem_are_named(finished_run: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_run_without_a_common_problem_has_times_and_no_means(finished_run: Path) -> None:
-    frames = load(finished_run)
+def test_a_run_without_a_common_problem_has_times_and_no_means(finished: RunFrames) -> None:
+    frames = finished
     kept = frames.cases["solver"].map({"SORprox": "funnel-30", "ClarabelSOCP": "hard-immovable"})
     apart = replace(frames, cases=frames.cases[frames.cases["problem"] == kept])
     chart = time_chart(apart)
@@ -61,17 +60,17 @@ def test_a_run_without_a_common_problem_has_times_and_no_means(finished_run: Pat
     assert "the 0 problems that all" in " ".join(chart.to_dict()["title"]["subtitle"])
 
 
-def test_nothing_is_drawn_where_nothing_is_supported(finished_run: Path) -> None:
-    frames = load(finished_run)
+def test_nothing_is_drawn_where_nothing_is_supported(finished: RunFrames) -> None:
+    frames = finished
     assert summary_charts(replace(frames, cases=frames.cases.assign(outcome=Outcome.UNSUPPORTED))) == {}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("excludes", [False, True])
 def test_the_note_says_whether_problems_with_excluded_times_are_left_out(
-    excludes: bool, finished_run: Path, monkeypatch: pytest.MonkeyPatch
+    excludes: bool, finished: RunFrames, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    frames = load(finished_run)
+    frames = finished
     case = (frames.cases["problem"].iloc[0], frames.cases["solver"].iloc[0])
     monkeypatch.setattr(accuracy, "excluded_cases", lambda *_: {case} if excludes else set())
     lines = time_chart(frames).to_dict()["title"]["subtitle"]

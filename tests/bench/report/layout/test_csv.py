@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from proxbench.bench import load
 from proxbench.bench.report.layout.text import csv_content
 from proxbench.bench.report.tables import write_tables
+from proxbench.bench.store.frames import RunFrames
 
 FORMULAS = ("=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1", "\n=1", '=HYPERLINK("http://x","y")')
 HARMLESS = ("NSGS", "-1.5", "+1e-3", "", "it raised ValueError: a = b", "– none", "'quoted", "1=2")
@@ -33,8 +33,8 @@ def test_numbers_and_other_texts_stay_as_they_are() -> None:
     assert csv_content(table) == table.to_csv(index=False).encode()
 
 
-def test_csv_cells_cannot_be_executed_as_formulas(finished_run: Path, tmp_path: Path) -> None:
-    frames = load(finished_run)
+def test_csv_cells_cannot_be_executed_as_formulas(finished: RunFrames, tmp_path: Path) -> None:
+    frames = finished
     cases = frames.cases.assign(reason="=cmd|' /C calc'!A0", family="@SUM(A1)", traceback="")
     cases.loc[cases.index[::2], "outcome"] = "crashed"
     for file in write_tables(replace(frames, cases=cases), tmp_path):

@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from headless_chromium import Chromium, chromium
-from proxbench.bench import load
 from proxbench.bench.report.accuracy import summary_table
 from proxbench.bench.report.cells import duration, mean_texts
 from proxbench.bench.report.page.assembly import page
@@ -196,8 +195,8 @@ def axis_titles(browser: Chromium, chart: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_profiles_say_which_problems_they_are_over(browser: Chromium, finished_run: Path, tmp_path: Path) -> None:
-    frames, file = load(finished_run), tmp_path / "report.html"
+def test_profiles_say_which_problems_they_are_over(browser: Chromium, finished: RunFrames, tmp_path: Path) -> None:
+    frames, file = finished, tmp_path / "report.html"
     is_declined = (frames.cases["problem"] == "funnel-30") & (frames.cases["solver"] == "ClarabelSOCP")
     cases = frames.cases.assign(outcome=frames.cases["outcome"].where(~is_declined, "unsupported"))
     file.write_text(page(replace(frames, cases=cases), "SORprox"), encoding="utf-8")
