@@ -9,7 +9,10 @@ from proxbench.bench import compare, load
 from proxbench.bench.measure.plan import make_plan
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.problems import load as load_problem
 from proxbench.solvers import available, create
+from simulated_runs import store_run
+from stored_cases import solved_case
 
 MAX_TEXT_LENGTH = 400
 MAX_TABLE_LENGTH = 3000
@@ -21,8 +24,6 @@ def plan_of_names(folder: Path) -> object:
 
 
 def plan_of_objects(folder: Path) -> object:
-    from proxbench.problems import load as load_problem
-
     return make_plan([load_problem("funnel-1000")], [create("SORprox")])
 
 
@@ -43,8 +44,9 @@ def planned_simulation(folder: Path) -> object:
 
 
 @pytest.mark.parametrize("make", [plan_of_names, plan_of_objects, loaded, reported, compared, planned_simulation])
-def test_a_representation_is_short_text_and_a_small_table(make: Callable[[Path], object], finished_run: Path) -> None:
-    shown = make(finished_run)
+def test_a_representation_is_short_text_and_a_small_table(make: Callable[[Path], object], tmp_path: Path) -> None:
+    cases = [solved_case(load_problem("hard-groove"), name, [1e-2, 1e-4]) for name in ("NSGS", "SORprox")]
+    shown = make(store_run(tmp_path / "run", cases))
     assert repr(shown).startswith(f"<{type(shown).__name__}")
     assert len(repr(shown)) <= MAX_TEXT_LENGTH
     page = shown._repr_html_()  # type: ignore[attr-defined]
@@ -70,8 +72,6 @@ def test_representation_of_run_info_is_truncated(finished_run: Path) -> None:
 
 @pytest.mark.slow
 def test_prepared_solvers_are_short() -> None:
-    from proxbench.problems import load as load_problem
-
     problem = load_problem("woodpecker-beak-impact")
     prepared = [solver.prepare(problem) for name in available() if not (solver := create(name)).supports(problem)]
     assert len(prepared) > 20

@@ -164,7 +164,8 @@ def with_mark(page: str) -> Any:
     if Path(page).stem in LONG:
         return pytest.param(page, marks=pytest.mark.weekly)
     has_commands = re.search(r"^\$ proxbench ", (ROOT / page).read_text("utf-8"), re.MULTILINE)
-    return pytest.param(page, marks=[pytest.mark.slow] if has_commands else [])
+    is_slow = has_commands or Path(page).stem == "watch-an-iteration"  # it loads rerun
+    return pytest.param(page, marks=[pytest.mark.slow] if is_slow else [])
 
 
 @pytest.mark.parametrize("page", [with_mark(page) for page in pages_with_examples()])

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from msgspec.structs import replace
 from proxbench.bench import load, study
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.cli.progress import RunProgress
 from proxbench.bench.measure.execution.events import Event, PointFinished, ProblemStarted, RunStarted
 from proxbench.bench.measure.trajectories import defaults
-from proxbench.bench.store.store import Store
 from rich.console import Console
+from simulated_runs import store_run
+from stored_cases import case_record
 
 
 @pytest.fixture(scope="module")
@@ -117,11 +117,9 @@ def test_a_damaged_curve_is_measured_again(folder: Path) -> None:
 
 
 def test_a_run_over_contact_problems_is_no_simulation_to_resume(
-    folder: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    store = Store.open(folder)
-    record = store.read_run()
-    store.write_run(replace(record, plan=replace(record.plan, methods=[], trajectories=[])))
+    folder = store_run(tmp_path / "run", [case_record()])
     before = sorted(folder.rglob("*"))
     assert run_command(f"simulate --resume {folder} --no-progress".split()) == 2
     printed = capsys.readouterr()
@@ -141,7 +139,7 @@ def test_a_study_in_which_nothing_moves_warns(capsys: pytest.CaptureFixture[str]
         assert ("changes within 0.01 s, so errors" in " ".join(capsys.readouterr().out.split())) is not moves
 
 
-@pytest.mark.parametrize("hidden", [False, True])
+@pytest.mark.parametrize("hidden", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_study_in_which_nothing_moves_warns_before_anything_is_measured(hidden: bool, tmp_path: Path) -> None:
     text, printed = io.StringIO(), []
     with RunProgress(hidden, Console(file=text, width=80)) as shown:

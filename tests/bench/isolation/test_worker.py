@@ -58,9 +58,9 @@ def carried_out(action: str) -> Case:
         ("raise", Outcome.CRASHED, "the plugin gave up"),
         ("exit", Outcome.CRASHED, "exit code 7"),
         ("segfault", Outcome.CRASHED, "SIGSEGV"),
-        ("sleep", Outcome.TIMEOUT, "its 1 s"),
+        pytest.param("sleep", Outcome.TIMEOUT, "its 1 s", marks=pytest.mark.slow),
         pytest.param("spin", Outcome.TIMEOUT, "its 1 s", marks=pytest.mark.slow),
-        ("allocate", Outcome.OUT_OF_MEMORY, "256 MiB"),
+        pytest.param("allocate", Outcome.OUT_OF_MEMORY, "256 MiB", marks=pytest.mark.slow),
         pytest.param(
             "allocate for ever",
             Outcome.OUT_OF_MEMORY,

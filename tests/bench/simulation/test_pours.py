@@ -94,6 +94,7 @@ def test_every_step_of_a_pour_is_solved_to_the_tolerance(flow: Simulation) -> No
     assert not flow.unsolved.any()
 
 
+@pytest.mark.slow
 def test_few_steps_of_a_jam_are_unsolved_and_their_number_is_printed(jam: Simulation) -> None:
     """Sweeps stagnate on piles at rest, so that all attempts may fall short there."""
     missed = int(jam.unsolved.sum())
@@ -102,6 +103,7 @@ def test_few_steps_of_a_jam_are_unsolved_and_their_number_is_printed(jam: Simula
     assert missed == 0 or f"{missed} of {jam.n_steps} steps are not solved" in printed(jam)
 
 
+@pytest.mark.slow
 def test_penetrations_vanish_with_projection(flow: Simulation, jam: Simulation) -> None:
     allowed = float(jam.plan.scene.options["projection"] or 0.0)
     assert jam.steps["penetration"][-1] <= 1.11 * allowed

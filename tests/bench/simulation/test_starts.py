@@ -91,12 +91,12 @@ def test_each_start_has_its_name_in_the_plan_and_in_the_registry() -> None:
 
 @pytest.mark.parametrize("start", ["warm", pytest.param("cold", marks=pytest.mark.slow)])
 def test_a_simulation_takes_the_steps_of_the_bare_solver(start: str, pour: Pour) -> None:
-    plan = pour(170, solver="NSGS", tolerance=1e-30, start=start, max_iterations=700)
+    plan = pour(125, solver="NSGS", tolerance=1e-30, start=start, max_iterations=700)
     length = plan.stepper.shortest_step(plan.scene)
     stepper = MidpointRule(
         plan.scene.system, create("NSGS"), plan.stop, length, warm_start=start == "warm", depth=plan.scene.depth
     )
-    *_, last = stepper.steps(plan.scene.start, 170)
+    *_, last = stepper.steps(plan.scene.start, 125)
     assert last.iterations > 500
     np.testing.assert_array_equal(simulate(plan).state.velocity, last.state.velocity)
 

@@ -87,7 +87,9 @@ def test_a_simulation_that_fails_shows_all_it_has_and_goes_on_with_another_solve
     assert run_command(["report", str(file)]) == 0
 
 
-@both
+@pytest.mark.parametrize(
+    "line", [pytest.param(FIXED, id="fixed"), pytest.param(VARIABLE, marks=pytest.mark.slow, id="variable")]
+)
 def test_a_report_prints_what_the_simulation_printed(
     line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -5,6 +5,7 @@ import io
 from collections.abc import Iterator, Sequence
 from dataclasses import replace as spec_replace
 from time import perf_counter
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -26,12 +27,12 @@ from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.bench.plugins.descriptions import solver_spec
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
-from proxbench.problems import judge, load
+from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.exchange.files.problem_file import read_problem
 from proxbench.solvers import Status, Stop, create
 from times_under_load import restore_limits
 
-PROBLEM = load("funnel-100")
+PROBLEM, SMALL = load("funnel-100"), load("hard-stack-10")
 LIMITS = Limits(solve_seconds=30.0)
 MICROSECOND = 1e-6
 
@@ -139,19 +140,24 @@ def test_each_round_and_each_fresh_problem_adds_to_the_allowed_work(
 class Scripted(Controls):
     """First solves whose times are given: of the problem, and of the problem after another one."""
 
+    solved: ClassVar[ContactProblem] = SMALL
+
     def __init__(self, fresh: list[float], after_another: float = 1.0, status: Status = Status.SOLVED) -> None:
-        super().__init__(PROBLEM, b"", solver_spec(Wrapped()), LIMITS)
+        super().__init__(self.solved, b"", solver_spec(Wrapped()), LIMITS)
+        self._loads_kernels = True  # no process solves, so that the fork server need not load all kernels
         self.fresh, self.after_another, self.status = fresh, after_another, status
         self.n_asked = 0
 
     def _ask(self, stop: Stop, problems: Sequence[bytes], start: np.ndarray | None) -> tuple[TimedRound, np.ndarray]:
         self.n_asked += 1
         seconds = self.after_another if len(problems) > 1 else self.fresh[min(self.n_asked, len(self.fresh)) - 1]
-        return replace(of_one_solve(seconds), status=self.status), np.zeros(PROBLEM.n_rows)
+        return replace(of_one_solve(seconds), status=self.status), np.zeros(self.problem.n_rows)
 
 
 class Noting(Scripted):
     """First solves that store their problem and start."""
+
+    solved = PROBLEM
 
     def _ask(self, stop: Stop, problems: Sequence[bytes], start: np.ndarray | None) -> tuple[TimedRound, np.ndarray]:
         assert start is not None
@@ -233,7 +239,7 @@ class OtherWay(Scripted):
     def _ask(self, stop: Stop, problems: Sequence[bytes], start: np.ndarray | None) -> tuple[TimedRound, np.ndarray]:
         timed, impulses = super()._ask(stop, problems, start)
         largest = [float(np.abs(read_problem(io.BytesIO(one), "one").free_velocity).max()) for one in problems]
-        are_variants = all(np.log2(one / np.abs(PROBLEM.free_velocity).max()) % 1.0 == 0.0 for one in largest)
+        are_variants = all(np.log2(one / np.abs(SMALL.free_velocity).max()) % 1.0 == 0.0 for one in largest)
         if len(problems) > 1 and are_variants:
             timed = replace(timed, solve=[self.after_variants], processor=[self.after_variants])
         earlier = [10 if are_variants else self.of_copies] * (len(problems) - 1)

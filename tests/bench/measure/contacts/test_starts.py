@@ -121,12 +121,14 @@ def test_a_finished_run_is_resumed_where_a_case_has_another_start(frames: object
     assert case.start in again.cases["start"].tolist()
 
 
+@pytest.mark.slow
 def test_the_first_step_has_no_warm_start_and_says_so(frames: object) -> None:
     cases = frames.cases.set_index(["problem", "solver"])  # type: ignore[attr-defined]
     case = cases.loc[("step-0", "Warm(SORprox)")]
     assert (case["outcome"], "it follows no step" in case["reason"]) == ("unsupported", True)
 
 
+@pytest.mark.slow
 def test_the_table_compares_the_steps_that_have_both_starts(frames: object) -> None:
     from proxbench.bench.report.accuracy import starts_table
 

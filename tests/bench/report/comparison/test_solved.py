@@ -32,18 +32,27 @@ def changes(tmp_path: Path, before: list[CaseRecord], after: list[CaseRecord], *
     return list(found.changes["change"])
 
 
-@pytest.mark.parametrize("outcome", [Outcome.STALLED, Outcome.DIVERGED, Outcome.TIME_LIMIT, Outcome.WRONG])
-def test_accuracies_lost_or_gained_are_listed_as_unsolved_or_solved(tmp_path: Path, outcome: Outcome) -> None:
-    for name, sides, expected in (
-        ("there", (solved(), unsolved(outcome)), "unsolved"),
-        ("back", (unsolved(outcome), solved()), "solved"),
-    ):
-        assert changes(tmp_path / name, case_of(sides[0]), case_of(sides[1])) == [expected]
+def changes_of_problems(tmp_path: Path, before: list[CaseRecord], after: list[CaseRecord]) -> dict[str, str]:
+    found = compare(store_run(tmp_path / "before", before), store_run(tmp_path / "after", after))
+    return dict(zip(found.changes["problem"], found.changes["change"], strict=True))
 
 
-@pytest.mark.parametrize("outcome", [Outcome.CRASHED, Outcome.MISBEHAVED, Outcome.OUT_OF_MEMORY])
-def test_a_case_that_fails_is_unsolved(tmp_path: Path, outcome: Outcome) -> None:
-    assert changes(tmp_path, case_of(solved()), case_of(outcome=outcome, reason="why")) == ["unsolved"]
+UNSOLVED = (Outcome.STALLED, Outcome.DIVERGED, Outcome.TIME_LIMIT, Outcome.WRONG)
+FAILED = (Outcome.CRASHED, Outcome.MISBEHAVED, Outcome.OUT_OF_MEMORY)
+
+
+def test_accuracies_lost_or_gained_are_listed_as_unsolved_or_solved(tmp_path: Path) -> None:
+    """Each outcome is that of one problem of the runs, and so are the failures of the next test."""
+    good = [case_record(problem=outcome.value, points=[solved()]) for outcome in UNSOLVED]
+    bad = [case_record(problem=outcome.value, points=[unsolved(outcome)]) for outcome in UNSOLVED]
+    for name, sides, expected in (("there", (good, bad), "unsolved"), ("back", (bad, good), "solved")):
+        assert changes(tmp_path / name, *sides) == [expected] * len(UNSOLVED)
+
+
+def test_a_case_that_fails_is_unsolved(tmp_path: Path) -> None:
+    good = [case_record(problem=outcome.value, points=[solved()]) for outcome in FAILED]
+    bad = [case_record(problem=outcome.value, outcome=outcome, reason="why") for outcome in FAILED]
+    assert changes(tmp_path, good, bad) == ["unsolved"] * len(FAILED)
 
 
 @pytest.mark.slow
@@ -79,18 +88,21 @@ def test_the_solved_condition_fails_only_on_points_that_become_unsolved(tmp_path
     assert compare(*reversed(runs)).failures("solved<") == []
 
 
-@pytest.mark.parametrize(("part", "change"), [(0.6, "undecided"), (0.4, "unsolved")])
-def test_a_solve_that_took_more_than_half_the_limit_may_miss_it_on_a_shared_core(
-    part: float, change: str, tmp_path: Path
-) -> None:
-    late = case_of(unsolved(Outcome.TIME_LIMIT))
-    assert changes(tmp_path, case_of(solved(part * LIMIT)), late) == [change]
+PARTS = {0.6: "undecided", 0.4: "unsolved"}
+"""Parts of a limit of time that a solve took before, each on one problem, and the change if it reaches the limit."""
 
 
-@pytest.mark.parametrize(("part", "change"), [(0.6, "undecided"), (0.4, "unsolved")])
-def test_case_time_limit_may_be_missed_on_a_shared_core(part: float, change: str, tmp_path: Path) -> None:
-    timeout = case_of(outcome=Outcome.TIMEOUT, reason="60 s")
-    assert changes(tmp_path, case_of(solved(), wall_seconds=part * Limits().case_seconds), timeout) == [change]
+def test_a_solve_that_took_more_than_half_the_limit_may_miss_it_on_a_shared_core(tmp_path: Path) -> None:
+    before = [case_record(problem=f"{part}", points=[solved(part * LIMIT)]) for part in PARTS]
+    late = [case_record(problem=f"{part}", points=[unsolved(Outcome.TIME_LIMIT)]) for part in PARTS]
+    assert changes_of_problems(tmp_path, before, late) == {f"{part}": change for part, change in PARTS.items()}
+
+
+def test_case_time_limit_may_be_missed_on_a_shared_core(tmp_path: Path) -> None:
+    seconds = Limits().case_seconds
+    before = [case_record(problem=f"{part}", points=[solved()], wall_seconds=part * seconds) for part in PARTS]
+    timeout = [case_record(problem=f"{part}", outcome=Outcome.TIMEOUT, reason="60 s") for part in PARTS]
+    assert changes_of_problems(tmp_path, before, timeout) == {f"{part}": change for part, change in PARTS.items()}
 
 
 def test_a_limit_that_was_reached_in_excluded_rounds_decides_nothing(tmp_path: Path) -> None:
