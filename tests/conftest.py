@@ -12,6 +12,7 @@ from hypothesis import settings
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
 os.environ.update(ONE_THREAD)  # before any test file imports numpy
+gc.disable()  # until all tests are collected
 os.environ["_TYPER_FORCE_DISABLE_TERMINAL"] = "1"  # typer draws help for a terminal if GITHUB_ACTIONS is set
 
 settings.register_profile("quick", max_examples=40, deadline=None, derandomize=True)  # failures are reproducible
@@ -47,3 +48,4 @@ def pytest_collection_finish() -> None:
     """Exempt the collected tests from garbage collections, each of which would visit all of them."""
     gc.collect()
     gc.freeze()
+    gc.enable()

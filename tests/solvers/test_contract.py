@@ -1,11 +1,16 @@
-"""Properties of every built-in solver."""
+"""Properties of every built-in solver.
+
+Daily tests check all of them on ``WHOLE_ROW``, and a third of them on each other variant; the rest is slow.
+"""
 
 import hashlib
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from diagonal import is_on_diagonal
 from proxbench.problems import ContactProblem, ProblemError, judge, load
 from proxbench.solvers import Solver, SolverError, Status, Stop, available, create
 from proxbench.solvers.contract import prepared_fault
@@ -57,10 +62,29 @@ VARIANTS = [
 ]
 ITERATIVE = [name for name in VARIANTS if create(name).has_iterates]
 
-FEW_COMPILED = [
-    pytest.param(name, marks=pytest.mark.slow) if name == "ColouredSORprox" else pytest.param(name) for name in VARIANTS
-]
-"""The variants, of which ``ColouredSORprox`` compiles kernels for seconds for contacts of each number of rows."""
+WHOLE_ROW = ("Robust", "SORprox")
+"""Variants with which all tests are daily."""
+
+STRIDE = 3
+"""One in so many of the tests of each other variant is daily."""
+
+
+def variants(column: int, names: Sequence[str] = VARIANTS, compiles: bool = False) -> list[Any]:
+    """Return variants as parameters of a test; most are slow, but each test and each variant is daily in places.
+
+    Args:
+        column: number of the test.
+        names: variants to which the test applies.
+        compiles: whether ``ColouredSORprox`` would compile kernels for seconds.
+    """
+    marks = [
+        ()
+        if name in WHOLE_ROW
+        or (is_on_diagonal(VARIANTS.index(name), column, STRIDE) and not (compiles and name == "ColouredSORprox"))
+        else pytest.mark.slow
+        for name in names
+    ]
+    return [pytest.param(name, marks=mark) for name, mark in zip(names, marks, strict=True)]
 
 
 def sample(dim: int = 3) -> ContactProblem:
@@ -91,14 +115,14 @@ def test_the_variants_cover_every_solver() -> None:
     assert {name.split("(")[0] for name in VARIANTS} == {*available(), *composites()}
 
 
-@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("name", variants(0))
 def test_it_implements_the_protocol_and_its_name_recreates_it(name: str) -> None:
     solver = create(name)
     assert isinstance(solver, Solver)
     assert create(solver.name) == solver
 
 
-@pytest.mark.parametrize("name", ITERATIVE)
+@pytest.mark.parametrize("name", variants(1, ITERATIVE))
 def test_an_observed_solve_ends_in_the_same_bits_as_a_timed_one(name: str) -> None:
     stop = Stop(tolerance=1e-9, max_iterations=limit(name, 237))
     timed = create(name).prepare(sample_for(name)).solve(stop)
@@ -109,7 +133,7 @@ def test_an_observed_solve_ends_in_the_same_bits_as_a_timed_one(name: str) -> No
     assert seen == list(range(1, len(seen) + 1))
 
 
-@pytest.mark.parametrize("name", ITERATIVE)
+@pytest.mark.parametrize("name", variants(2, ITERATIVE))
 def test_an_observer_receives_a_read_only_iterate(name: str) -> None:
     def write(_: int, impulses: np.ndarray) -> None:
         with pytest.raises(ValueError, match="read-only"):
@@ -118,14 +142,14 @@ def test_an_observer_receives_a_read_only_iterate(name: str) -> None:
     create(name).prepare(sample_for(name)).solve(Stop(1e-3, 5), observe=write)
 
 
-@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("name", variants(3))
 def test_solving_twice_gives_the_same_bits(name: str) -> None:
     prepared = create(name).prepare(sample_for(name))
     stop = Stop(1e-7, 300)
     assert bits(prepared.solve(stop).impulses) == bits(prepared.solve(stop).impulses)
 
 
-@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("name", variants(4))
 def test_problem_and_start_are_not_modified(name: str) -> None:
     problem = sample_for(name)
     start = np.full(problem.n_rows, 0.1)
@@ -135,12 +159,12 @@ def test_problem_and_start_are_not_modified(name: str) -> None:
     assert np.array_equal(start, np.full(problem.n_rows, 0.1))
 
 
-@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("name", variants(5))
 def test_prepared_solvers_have_a_short_representation(name: str) -> None:
     assert len(repr(create(name).prepare(sample_for(name)))) <= 400
 
 
-@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("name", variants(6))
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_solved_means_that_the_judge_of_its_own_model_agrees(name: str, dim: int) -> None:
     solver, problem = create(name), sample(dim)
@@ -153,7 +177,9 @@ def test_solved_means_that_the_judge_of_its_own_model_agrees(name: str, dim: int
             assert judge(problem, solution.impulses, solver.model).residual <= 1.01 * tolerance
 
 
-@pytest.mark.parametrize("name", [name for name in ITERATIVE if name not in ("Jprox", "JORprox(relaxation=0.2)")])
+@pytest.mark.parametrize(
+    "name", variants(12, [name for name in ITERATIVE if name not in ("Jprox", "JORprox(relaxation=0.2)")])
+)
 def test_a_start_at_the_solution_stops_at_once(name: str) -> None:
     prepared = create(name).prepare(sample_for(name))
     solution = prepared.solve(Stop(1e-7, 100_000))
@@ -161,14 +187,14 @@ def test_a_start_at_the_solution_stops_at_once(name: str) -> None:
     assert prepared.solve(Stop(1e-7), start=solution.impulses).iterations == 0
 
 
-@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("name", variants(7))
 def test_an_infeasible_problem_is_reported_and_never_solved(name: str) -> None:
     problem = ContactProblem.from_factors(np.array([[1.0, 0.0]]), np.ones(1), (-1.0, -1.0), dim=1)
     assert create(name).prepare(problem).solve(Stop(1e-6)).status is Status.INFEASIBLE
 
 
 @pytest.mark.parametrize("dim", [1, 3])
-@pytest.mark.parametrize("name", FEW_COMPILED)
+@pytest.mark.parametrize("name", variants(8, compiles=True))
 def test_zero_free_velocity_needs_no_impulse(name: str, dim: int) -> None:
     problem = ContactProblem.from_factors(np.eye(3), np.ones(3), np.zeros(3), 0.5, dim=dim)
     if create(name).supports(problem):
@@ -178,7 +204,7 @@ def test_zero_free_velocity_needs_no_impulse(name: str, dim: int) -> None:
     assert np.array_equal(solution.impulses, np.zeros(3))
 
 
-@pytest.mark.parametrize("name", FEW_COMPILED)
+@pytest.mark.parametrize("name", variants(9, compiles=True))
 def test_zero_free_velocity_needs_no_impulse_from_any_start(name: str) -> None:
     """A step without forces after an impact is warm-started from the impulses of the impact."""
     row_of_three = np.array([[-1.0, 0.0], [1.0, -1.0], [0.0, 1.0]])
@@ -189,7 +215,7 @@ def test_zero_free_velocity_needs_no_impulse_from_any_start(name: str) -> None:
 
 
 @pytest.mark.parametrize("dim", [1, 3])
-@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("name", variants(10))
 def test_a_problem_without_contacts_is_solved(name: str, dim: int) -> None:
     problem = ContactProblem.from_factors(np.zeros((3, 0)), np.ones(3), np.zeros(0), 0.5, dim=dim)
     solution = create(name).prepare(problem).solve(Stop(1e-12))
@@ -197,7 +223,7 @@ def test_a_problem_without_contacts_is_solved(name: str, dim: int) -> None:
     assert solution.impulses.shape == (0,)
 
 
-@pytest.mark.parametrize("name", ITERATIVE)
+@pytest.mark.parametrize("name", variants(11, ITERATIVE))
 def test_the_time_limit_is_kept(name: str) -> None:
     solution = create(name).prepare(sample_for(name)).solve(Stop(1e-300, 10**9, max_seconds=1e-6))
     assert solution.status in (Status.TIME_LIMIT, Status.STALLED, Status.OSCILLATING, Status.DIVERGED)

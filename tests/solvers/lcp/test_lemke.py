@@ -93,7 +93,7 @@ ROUNDED = {
 """Cases that rounding decides: two beyond double precision, and one with nearly parallel normals and tiny pivots."""
 
 
-@pytest.mark.parametrize("sides", [3, 4, 8])
+@pytest.mark.parametrize("sides", [3, pytest.param(4, marks=pytest.mark.slow), 8])
 def test_hard_cases_are_solved_in_its_model_or_refused_with_a_reason(sides: int) -> None:
     untrue, unsolved = {}, {}
     for problem in small():

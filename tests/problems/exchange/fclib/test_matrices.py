@@ -24,12 +24,18 @@ def write_matrix(path: Path, parts: dict[str, Any]) -> Path:
     return write_data(path, {f"matrix/{name}": value for name, value in parts.items()})
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder whose files all examples write anew."""
+    return tmp_path_factory.mktemp("matrix")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @given(matrix=arrays(np.float64, st.tuples(st.integers(1, 5), st.integers(1, 5)), elements=st.floats(-9, 9)))
 def test_matrices_round_trip_bit_by_bit_in_every_storage_scheme(
-    kind: str, matrix: np.ndarray, tmp_path_factory: pytest.TempPathFactory
+    kind: str, matrix: np.ndarray, folder: Path
 ) -> None:
-    path = tmp_path_factory.mktemp("matrix") / "m.hdf5"
+    path = folder / "m.hdf5"
     assert np.array_equal(read(write_matrix(path, matrix_data(matrix, kind)), matrix.shape).toarray(), matrix)
     again = stored_matrix(read(path, matrix.shape), KINDS[kind])
     assert np.array_equal(read(write_matrix(path, again), matrix.shape).toarray(), matrix)

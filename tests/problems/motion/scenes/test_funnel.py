@@ -36,7 +36,9 @@ def test_the_same_seed_gives_the_same_balls_and_another_seed_others() -> None:
     assert not np.array_equal(Funnel(50, seed=3).start().position, Funnel(50, seed=4).start().position)
 
 
-@pytest.mark.parametrize("effects", [(Gravity(), Friction(0.3), Restitution(0.3)), DISCS])
+@pytest.mark.parametrize(
+    "effects", [(Gravity(), Friction(0.3), Restitution(0.3)), pytest.param(DISCS, marks=pytest.mark.slow)]
+)
 def test_a_closed_funnel_keeps_its_balls(effects: tuple[Effect, ...]) -> None:
     scene = Funnel(40, effects, outlet_radius=0.0)
     state, deepest, _ = run(scene, 600)

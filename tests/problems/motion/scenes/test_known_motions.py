@@ -14,7 +14,9 @@ from proxbench.problems.motion.stepping.extrapolated import Extrapolated
 from proxbench.solvers import Stop, create
 
 
-@pytest.mark.parametrize("name", KNOWN_MOTIONS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "bouncing_ball" else ()) for name in KNOWN_MOTIONS]
+)
 def test_a_variable_step_follows_the_exact_motion(name: str) -> None:
     """Accelerations are constant between switches, so only the minimal step around each switch has an error."""
     scene = make_scene(name)
