@@ -4,25 +4,34 @@ import fcntl
 import os
 import shutil
 from collections.abc import Callable, Generator
+from functools import cache
 from pathlib import Path
 
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
 from proxbench.bench.cli.main import run_command
+from proxbench.bench.measure import machine
 from times_under_load import ignore_load
 
 HERE = Path(__file__).parent
 
+SOURCE_DIGEST = cache(machine._source_digest)
+"""The digest of the source, which no test changes, computed once."""
+
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """For the tests of this folder, ignore the load of the machine, and do not wait for writes to disk."""
+    """For the tests of this folder, ignore the load of the machine, and do not wait for writes to disk.
+
+    The digest of the source is computed once.
+    """
     if HERE not in item.path.parents:
         return (yield)
     with pytest.MonkeyPatch.context() as patch:
         ignore_load(patch)
         patch.setattr("os.fsync", lambda descriptor: None)
+        patch.setattr("proxbench.bench.measure.machine._source_digest", SOURCE_DIGEST)
         return (yield)
 
 
