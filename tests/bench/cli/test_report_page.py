@@ -53,7 +53,7 @@ def faultless(tmp_path: Path) -> Path:
     return store_run(tmp_path / "run", cases)
 
 
-@pytest.mark.parametrize("options", [["--no-charts"], ["--problem", "funnel-30"]])
+@pytest.mark.parametrize("options", [pytest.param(["--no-charts"], marks=pytest.mark.slow), ["--problem", "funnel-30"]])
 def test_a_damaged_case_gives_exit_code_1_after_the_tables_of_the_others(
     options: list[str], faultless: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -166,7 +166,7 @@ def test_means_compare_only_what_all_solvers_support(finished: RunFrames) -> Non
     assert (fewer[own]["problems"] == 3).all()
 
 
-@pytest.mark.parametrize("lacks", [False, True])
+@pytest.mark.parametrize("lacks", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_the_own_mean_is_shown_if_it_differs_from_the_mean(finished: RunFrames, lacks: bool) -> None:
     frames = finished
     cases = frames.cases.copy()
@@ -236,7 +236,7 @@ def test_table_files_agree_in_all_formats(finished: RunFrames, tmp_path: Path) -
     assert from_csv["residual"].to_numpy() == pytest.approx(from_parquet["residual"].to_numpy(), nan_ok=True)
 
 
-@pytest.mark.parametrize("kept", [Outcome.UNSUPPORTED, "none"])
+@pytest.mark.parametrize("kept", [Outcome.UNSUPPORTED, pytest.param("none", marks=pytest.mark.slow)])
 def test_a_run_without_a_measured_case_still_has_tables(finished: RunFrames, tmp_path: Path, kept: str) -> None:
     frames = finished
     cases = frames.cases.iloc[:2].assign(outcome=kept) if kept == Outcome.UNSUPPORTED else frames.cases.iloc[:0]
@@ -249,7 +249,7 @@ def test_a_run_without_a_measured_case_still_has_tables(finished: RunFrames, tmp
     assert ("unsupported" if len(cases) else "no case") in text.getvalue()
 
 
-@pytest.mark.parametrize("width", [80, 120])
+@pytest.mark.parametrize("width", [80, pytest.param(120, marks=pytest.mark.slow)])
 def test_the_printed_table_fits_its_width_and_spells_failures_out(finished: RunFrames, width: int) -> None:
     text = StringIO()
     print_tables(finished, Console(file=text, width=width))

@@ -18,7 +18,7 @@ def cone_point(rng: np.random.Generator, friction: float, fixed: float) -> np.nd
     return np.array([normal, *direction])
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     n=numbers,
     t=numbers,
@@ -43,7 +43,7 @@ def test_the_cone_projection_satisfies_the_variational_inequality(
         assert (point - projected) @ (other - projected) <= 1e-10
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(t=numbers, s=numbers, radius=st.floats(0.0, 3.0), sides=st.integers(3, 17))
 def test_the_polygon_projection_satisfies_the_variational_inequality_at_the_corners(
     t: float, s: float, radius: float, sides: int
@@ -86,7 +86,7 @@ def test_a_solution_is_a_fixed_point_of_the_projected_gradient_step(name: str) -
         assert np.abs(moved - solution).max() <= 1e-12
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     n=numbers,
     parts=st.tuples(numbers, numbers, numbers, numbers, numbers),
@@ -127,7 +127,7 @@ def test_without_rolling_rows_both_cones_are_the_friction_cone() -> None:
     assert found[1][0] == pytest.approx(expected[1][0], abs=1e-15)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     form=st.sampled_from(list(ConvexSet)), point=st.lists(numbers, min_size=3, max_size=3), bound=st.floats(0.0, 5.0)
 )

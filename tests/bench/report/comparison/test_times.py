@@ -160,7 +160,7 @@ def test_plugin_name_contained_in_another_keeps_the_reference_solvers(tmp_path: 
     assert found.scale == pytest.approx(1.5, rel=0.1)
 
 
-@pytest.mark.parametrize("factor", [0.6, 1.6])
+@pytest.mark.parametrize("factor", [pytest.param(0.6, marks=pytest.mark.slow), 1.6])
 def test_common_speed_change_of_an_external_program_is_attributed_to_it(tmp_path: Path, factor: float) -> None:
     """No solver is known to be unchanged, so a drift in either direction beyond ``MAX_DRIFT`` gives no scale."""
     names = SOLVERS[:3]

@@ -86,7 +86,7 @@ def test_masses_of_a_stack_differ_by_the_ratio_of_its_name(name: str, heaviest: 
     assert found.argmax() == heaviest
 
 
-@pytest.mark.parametrize("stones", ARCH_LIMITS)
+@pytest.mark.parametrize("stones", [pytest.param(n, marks=pytest.mark.slow if n > 50 else ()) for n in ARCH_LIMITS])
 def test_a_thick_arch_stands_and_a_thin_one_does_not(stones: int) -> None:
     assert find_equilibrium(body_problem(f"bodies-arch-{stones}-thick")).can_stand
     assert not find_equilibrium(body_problem(f"bodies-arch-{stones}-thin")).can_stand

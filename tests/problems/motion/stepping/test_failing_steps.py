@@ -37,8 +37,15 @@ class Failing:
         return Solution(np.zeros(2), self._failure, 1)
 
 
-@pytest.mark.parametrize("search", ["anticipating", "nested"])
-@pytest.mark.parametrize("failure", [Status.INFEASIBLE, RuntimeError("no luck")])
+@pytest.mark.parametrize(
+    ("failure", "search"),
+    [
+        (Status.INFEASIBLE, "anticipating"),
+        pytest.param(Status.INFEASIBLE, "nested", marks=pytest.mark.slow),
+        (RuntimeError("no luck"), "anticipating"),
+        (RuntimeError("no luck"), "nested"),
+    ],
+)
 def test_a_failing_solver_ends_the_motion_with_the_last_good_state(failure: Status | Exception, search: str) -> None:
     steps = steps_of(woodpecker(), section_start(OVERLAP), PERIOD, solver=Failing(100, failure), search=search)
     reached: list[State] = []
