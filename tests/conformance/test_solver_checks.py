@@ -9,7 +9,14 @@ import faulty_solver
 import numpy as np
 import pytest
 from faulty_solver import SIDE_EFFECTS, Faulty
-from proxbench.bench.conformance import PROBLEM_CHECKS, SOLVER_CHECKS, NotApplicable, Violation, hard_checks
+from proxbench.bench.conformance import (
+    PROBLEM_CHECKS,
+    SOLVER_CHECKS,
+    NotApplicable,
+    Violation,
+    hard_checks,
+    invariance_checks,
+)
 from proxbench.bench.conformance.trial import require_known_answer
 from proxbench.problems import Answer, ContactProblem
 
@@ -103,7 +110,17 @@ FEW = ("counts copies twice", "moves")
 """Faults that run through all checks, even without the full profile."""
 
 
-@pytest.mark.parametrize("check", SOLVER_CHECKS, ids=str)
+LONG = {check.name for check in (*hard_checks.HARD_CHECKS, *invariance_checks.INVARIANCE_CHECKS)}
+"""Checks on many problems, which ``SORprox``, the solver of ``Faulty``, passes daily in ``test_built_in_solvers``."""
+
+
+@pytest.mark.parametrize(
+    "check",
+    [
+        pytest.param(check, marks=pytest.mark.slow if check.name in LONG else (), id=f"{check}")
+        for check in SOLVER_CHECKS
+    ],
+)
 @pytest.mark.usefixtures("_few_iterations")
 def test_without_a_fault_every_check_is_passed(check: Any) -> None:
     check.run(Faulty(""))

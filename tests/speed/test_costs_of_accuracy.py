@@ -95,6 +95,7 @@ def test_projection_closes_joints_at_the_cost_of_energy() -> None:
     assert without["energy"] < 1e-9 < closed["energy"]
 
 
+@pytest.mark.slow
 def test_projection_closes_the_joints_of_a_chain_that_falls_and_takes_penetration_out() -> None:
     without, closed = (contact_errors(*falling_chain(4), 0.01, 1.0, depth) for depth in (None, DEPTH_AT_REST))
     assert without["opening"] > 1e-4 > 1e-9 > closed["opening"]
@@ -123,6 +124,7 @@ def test_without_projection_a_linkage_conserves_its_energy_and_with_it_the_error
     assert rows[0]["200 steps"] < 1e-9 < rows[1]["200 steps"]
 
 
+@pytest.mark.slow
 def test_a_card_house_falls_below_its_limit_of_friction_and_stands_above() -> None:
     below, above = cards((1,), 0.4)
     assert (below["outcome"], above["outcome"]) == ("falls", "stands")

@@ -23,7 +23,9 @@ def stored(file: Path, setting: str, ratio: float) -> Path:
     return file
 
 
-@pytest.mark.parametrize(("ratio", "is_kept"), [(0.99 * INTERRUPTED, True), (1.01 * INTERRUPTED, False)])
+@pytest.mark.parametrize(
+    ("ratio", "is_kept"), [pytest.param(0.99 * INTERRUPTED, True, marks=pytest.mark.slow), (1.01 * INTERRUPTED, False)]
+)
 def test_a_new_run_replaces_the_old_one_and_has_a_wall_time_unless_it_was_interrupted(
     ratio: float, is_kept: bool, tmp_path: Path
 ) -> None:

@@ -132,7 +132,8 @@ def output_of_page(document: dict[str, Any], script: str) -> Any:
 
 
 @needs_node
-@pytest.mark.parametrize("view", [COMMON, pytest.param(EVERY, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("view", [COMMON, EVERY])
 def test_the_script_of_the_page_computes_both_views(declined: RunFrames, view: str) -> None:
     script = f"""const whole = {{ ...run, run, accuracy: 1e-4 }};
         const view = profileView(whole, {json.dumps(view == COMMON)});
