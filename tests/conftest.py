@@ -6,11 +6,6 @@ measurements, because tests already share the cores.
 
 import gc
 import os
-import sys
-from collections.abc import Iterator
-from functools import cache
-from importlib import metadata
-from types import SimpleNamespace
 
 import pytest
 from hypothesis import settings
@@ -31,16 +26,6 @@ def pytest_sessionstart() -> None:
     from proxbench.problems.compilation.notice import COMPILATION
 
     COMPILATION.silence()
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _known_packages() -> Iterator[None]:
-    """Search each path for packages with plugins once: this takes 10 ms for every name that is looked up."""
-    search = cache(lambda path, group: metadata.entry_points(group=group))
-    with pytest.MonkeyPatch.context() as patch:
-        known = SimpleNamespace(entry_points=lambda group: search(tuple(sys.path), group))
-        patch.setattr("proxbench.problems.exchange.plugins.offers.metadata", known)
-        yield
 
 
 SLOW_FOLDERS = {"faults"}

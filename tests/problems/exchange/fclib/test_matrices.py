@@ -32,9 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("kind", KINDS)
 @given(matrix=arrays(np.float64, st.tuples(st.integers(1, 5), st.integers(1, 5)), elements=st.floats(-9, 9)))
-def test_matrices_round_trip_bit_by_bit_in_every_storage_scheme(
-    kind: str, matrix: np.ndarray, folder: Path
-) -> None:
+def test_matrices_round_trip_bit_by_bit_in_every_storage_scheme(kind: str, matrix: np.ndarray, folder: Path) -> None:
     path = folder / "m.hdf5"
     assert np.array_equal(read(write_matrix(path, matrix_data(matrix, kind)), matrix.shape).toarray(), matrix)
     again = stored_matrix(read(path, matrix.shape), KINDS[kind])
