@@ -160,7 +160,7 @@ def _part_of_layout(laws: Laws) -> BlockLayout | None:
 @interpretable
 @njit(cache=True)
 def write_layout(  # type: ignore[no-untyped-def]
-    sets, row_count, is_rolling, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral
+    sets, row_count, is_rolling, partner_law, mu, fixed_bound, slot, numbers, bounds, is_bilateral
 ):
     """Return the numbers of tangential lanes and of all lanes per block, of blocks, and of joints.
 
@@ -192,7 +192,7 @@ def write_layout(  # type: ignore[no-untyped-def]
             continue
         rolls = 1 if is_rolling[law] else 0
         numbers[1 + rolls, b] = law
-        bounds[2 * rolls, b], bounds[2 * rolls + 1, b] = mu[law], fixed[law]
+        bounds[2 * rolls, b], bounds[2 * rolls + 1, b] = mu[law], fixed_bound[law]
         if rolls == 0 and partner_law[law] >= 0:
             partner[b] = block[partner_law[law]]
         first = 1 + sliding if rolls == 1 else 1

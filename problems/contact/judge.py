@@ -271,17 +271,17 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
     The bound of a friction law that does not follow its partner is fixed at its current value.
     """
     layout, lanes, velocities = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
-    friction, fixed = layout.friction_coefficient, layout.fixed_bound
+    friction, fixed_bound = layout.friction_coefficient, layout.fixed_bound
     if not layout.bounds_are_own:
         is_own = layout.partner == np.arange(layout.n_blocks)
         remote_bound = friction * np.maximum(lanes[layout.partner, 0], 0.0)
-        friction, fixed = np.where(is_own, friction, 0.0), fixed + np.where(is_own, 0.0, remote_bound)
+        friction, fixed_bound = np.where(is_own, friction, 0.0), fixed_bound + np.where(is_own, 0.0, remote_bound)
     tangent, rolling = velocities[:, 1 : 1 + layout.sliding], velocities[:, 1 + layout.sliding :]
     lift = friction * np.sqrt(_squares(tangent))
     if layout.rolling:
         lift += layout.rolling_coefficient * np.sqrt(_squares(rolling))
     velocities[:, 0] += lift
-    difference = lanes - onto_contact_cones(layout, lanes - velocities, friction, fixed, np.ones(layout.n_blocks))
+    difference = lanes - onto_contact_cones(layout, lanes - velocities, friction, fixed_bound, np.ones(layout.n_blocks))
     frictionless = (layout.friction_law < 0) & (layout.rolling_law < 0) & ~layout.is_bilateral
     difference[frictionless, 0] = np.minimum(lanes[frictionless, 0], velocities[frictionless, 0])
     difference[layout.is_bilateral] = velocities[layout.is_bilateral]

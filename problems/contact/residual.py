@@ -82,8 +82,8 @@ class Residual:
         self.infeasible = self.stuck_law >= 0
         self.unit = _unit(self.scale)
         self._scale = self.unit * self.scale
-        fixed = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound
-        self._rows, self._bounds = (laws.sets, laws.row_count, laws.first_row), (laws.friction_coefficient, fixed)
+        fixed_bound = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound
+        self._rows, self._bounds = (laws.sets, laws.row_count, laws.first_row), (laws.friction_coefficient, fixed_bound)
         self._partner = laws.partner
 
     @cached_property
@@ -141,10 +141,10 @@ class Residual:
             velocity: ξ, shape (n_rows,).
             weight: factor of all friction bounds.
         """
-        mu, fixed = self._bounds
+        mu, fixed_bound = self._bounds
         if weight != 1.0:
-            mu, fixed = weight * mu, weight * fixed
-        write_squared_violations(*self._rows, mu, fixed, self._partner, self._numbers, impulses, velocity)
+            mu, fixed_bound = weight * mu, weight * fixed_bound
+        write_squared_violations(*self._rows, mu, fixed_bound, self._partner, self._numbers, impulses, velocity)
         return np.sqrt(self._squares)
 
 
@@ -215,7 +215,7 @@ def find_largest_held(row_count, first_row, ratios, lengths, diagonal, impulses)
 @interpretable
 @njit(cache=True, error_model="numpy")
 def write_squared_violations(  # type: ignore[no-untyped-def]
-    sets, row_count, first_row, mu, fixed, partner, numbers, impulses, velocity
+    sets, row_count, first_row, mu, fixed_bound, partner, numbers, impulses, velocity
 ):
     """Write (ℓ α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest root times ratio [m/s], or NaN.
 
@@ -231,7 +231,7 @@ def write_squared_violations(  # type: ignore[no-untyped-def]
             violation = held if held < velocity[row] or held != held else velocity[row]
             square = violation * violation
         elif sets[law] == BALL:
-            bound = fixed[law]
+            bound = fixed_bound[law]
             if partner[law] >= 0:
                 bound += mu[law] * max(impulses[uint64(first_row[uint64(partner[law])])], 0.0)
             bound *= a

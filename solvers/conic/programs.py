@@ -257,12 +257,12 @@ def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, 
             add(clarabel.NonnegativeConeT(1), [(normal, -1.0)], 0.0)
         for lanes, coefficients, bounds_of_blocks in parts:
             tangents = [int(row) for row in lanes[block] if row >= 0]
-            mu, fixed = float(coefficients[block]), float(bounds_of_blocks[block])
-            if tangents and mu == 0.0 and fixed == 0.0:
+            mu, fixed_bound = float(coefficients[block]), float(bounds_of_blocks[block])
+            if tangents and mu == 0.0 and fixed_bound == 0.0:
                 for row in tangents:
                     add(clarabel.ZeroConeT(1), [(row, 1.0)], 0.0)
             elif tangents:
-                add(None, [(normal, -mu)] if mu > 0.0 else [], fixed)
+                add(None, [(normal, -mu)] if mu > 0.0 else [], fixed_bound)
                 for row in tangents:
                     add(None, [(row, -1.0)], 0.0)
                 cones.append(clarabel.SecondOrderConeT(1 + len(tangents)))
@@ -275,8 +275,8 @@ def friction_parts(problem: ContactProblem, scaling: Scaling) -> list[tuple[Any,
     layout, first = problem.layout, 1 + problem.layout.sliding
     parts = []
     if layout.sliding:
-        fixed = layout.fixed_bound / scaling.block_impulse
-        parts.append((scaling.lanes[:, 1:first], layout.friction_coefficient, fixed))
+        fixed_bound = layout.fixed_bound / scaling.block_impulse
+        parts.append((scaling.lanes[:, 1:first], layout.friction_coefficient, fixed_bound))
     if layout.rolling:
         coefficient = layout.rolling_coefficient * (scaling.block_impulse / scaling.block_moment)
         parts.append((scaling.lanes[:, first:], coefficient, layout.rolling_bound / scaling.block_moment))

@@ -89,8 +89,8 @@ class _Iterate:
             tau = float(np.clip(WARM_SHARE * residual, MIN_WARM_TAU, MAX_WARM_TAU))
             r, u = self._scaled.of_impulses(first)
             bound = self._scaled.bounds(np.maximum(r, 0.0))
-            fixed = np.maximum(bound - self._friction * np.maximum(r[:, 0], 0.0), tau)
-            self._r, self._u, self._s = on_manifold(self._kind, fixed, self._friction, tau, r - u)
+            fixed_bound = np.maximum(bound - self._friction * np.maximum(r[:, 0], 0.0), tau)
+            self._r, self._u, self._s = on_manifold(self._kind, fixed_bound, self._friction, tau, r - u)
         else:
             self._start_cold()
         self._keep_inside()

@@ -69,7 +69,7 @@ class DeviceMethod(Method, ABC):
         return f"{type(self).__name__}({options}device={self.device!r})"
 
     @abstractmethod
-    def move_to_device(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> DeviceSweep:
+    def move_to_device(self, problem: ContactProblem, step_sizes: FloatArray, device: Any) -> DeviceSweep:
         """Return the sweep with its data on the device."""
 
     def supports(self, problem: ContactProblem) -> str | None:
@@ -96,9 +96,9 @@ class WarpJORprox(DeviceMethod):
         SolverError: if Warp is not installed, there is no such device, or ω is out of range.
     """
 
-    def move_to_device(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> DeviceSweep:
+    def move_to_device(self, problem: ContactProblem, step_sizes: FloatArray, device: Any) -> DeviceSweep:
         """Return Jacobi sweeps."""
-        return JacobiDeviceSweep(problem, sizes, device)
+        return JacobiDeviceSweep(problem, step_sizes, device)
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,6 @@ class WarpColouredSORprox(DeviceMethod):
         SolverError: if Warp is not installed, there is no such device, or ω is out of range.
     """
 
-    def move_to_device(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> DeviceSweep:
+    def move_to_device(self, problem: ContactProblem, step_sizes: FloatArray, device: Any) -> DeviceSweep:
         """Return sweeps by colour."""
-        return ColouredDeviceSweep(problem, sizes, device)
+        return ColouredDeviceSweep(problem, step_sizes, device)

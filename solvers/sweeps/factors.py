@@ -39,7 +39,7 @@ class FactorSweep:
         arguments: constant arguments of the kernel.
         product: writes ξ from v; its arguments are ``factor``, c, v and ξ.
         factor: W̃ as the product reads it.
-        free: c, padded and flat.
+        free_velocity: c, padded and flat.
         slots: position of each entry of padded Λ in the kernel's order, None if the order is the same.
         n_impulses: length of Λ in the kernel's order.
     """
@@ -50,42 +50,46 @@ class FactorSweep:
     arguments: tuple[Any, ...]
     product: Callable[..., None]
     factor: tuple[Any, ...]
-    free: FloatArray
+    free_velocity: FloatArray
     slots: IntArray | None
     n_impulses: int
 
     @staticmethod
-    def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
+    def over(problem: ContactProblem, step_sizes: FloatArray) -> "FactorSweep":
         """Return the sweep of ``problem``, which holds factors, with step sizes as in ``step_size``.
 
         Specialised kernels sweep over spatial contacts of two bodies, or of a body and the ground, in batches if few
         lanes stay empty.
         """
         layout, pieces = problem.layout, problem.factor_pieces()
-        free = layout.pad(problem.free_velocity).reshape(-1)
+        free_velocity = layout.pad(problem.free_velocity).reshape(-1)
         if not layout.has_contacts_only:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
             arguments: tuple[Any, ...] = (
                 pieces.starts,
                 pieces.chunks,
                 pieces.values,
-                free,
-                *AnyLawArrays.of(layout, sizes),
+                free_velocity,
+                *AnyLawArrays.of(layout, step_sizes),
             )
-            return FactorSweep(layout, pieces, sweep_factors, arguments, _product, factor, free, None, len(free))
-        laws = LawArrays.of(layout, sizes)
+            return FactorSweep(
+                layout, pieces, sweep_factors, arguments, _product, factor, free_velocity, None, len(free_velocity)
+            )
+        laws = LawArrays.of(layout, step_sizes)
         coupling = own_coupling(pieces.starts, pieces.values).reshape(-1)
         if layout.width != 3 or not pieces.in_pairs:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
-            arguments = (*factor, free, *laws, coupling)
-            return FactorSweep(layout, pieces, _sweep, arguments, _product, factor, free, None, len(free))
-        product = (_product_spatial_pairs, _pairs(pieces), free)
+            arguments = (*factor, free_velocity, *laws, coupling)
+            return FactorSweep(
+                layout, pieces, _sweep, arguments, _product, factor, free_velocity, None, len(free_velocity)
+            )
+        product = (_product_spatial_pairs, _pairs(pieces), free_velocity)
         batches = assign_batches(pieces)
         n_lanes = LANES * batches.n_batches
         if len(batches.places) < MIN_FILL * n_lanes or not layout.bounds_are_own:
-            arguments = (*_pairs(pieces), free, *laws, coupling)
-            return FactorSweep(layout, pieces, _sweep_spatial_pairs, arguments, *product, None, len(free))
-        arguments = batch_arguments(pieces, batches, free, laws[:3], coupling)
+            arguments = (*_pairs(pieces), free_velocity, *laws, coupling)
+            return FactorSweep(layout, pieces, _sweep_spatial_pairs, arguments, *product, None, len(free_velocity))
+        arguments = batch_arguments(pieces, batches, free_velocity, laws[:3], coupling)
         slots, n_impulses = slots_in_batches(batches.places), 3 * n_lanes
         return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots, n_impulses)
 
@@ -127,7 +131,7 @@ class FactorIterates:
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         data = self._sweep
-        data.product(*data.factor, data.free, self._scaled, self._relative)
+        data.product(*data.factor, data.free_velocity, self._scaled, self._relative)
         return data.layout.rows_of(self._relative)
 
 
@@ -185,12 +189,12 @@ def own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product(width, starts, chunks, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
+def _product(width, starts, chunks, pieces, free_velocity, scaled, relative):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for blocks of any width with any number of pieces."""
     one, lanes, length = uint64(1), uint64(width), uint64(pieces.shape[2])
     for i in range(uint64(len(starts) - 1)):
         for lane in range(lanes):
-            total = free[lanes * i + lane]
+            total = free_velocity[lanes * i + lane]
             for p in range(starts[i], starts[i + one]):
                 for k in range(length):
                     total += pieces[p, lane, k] * scaled[length * chunks[p] + k]
@@ -198,12 +202,12 @@ def _product(width, starts, chunks, pieces, free, scaled, relative):  # type: ig
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product_spatial_pairs(axes, firsts, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
+def _product_spatial_pairs(axes, firsts, pieces, free_velocity, scaled, relative):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for spatial contacts between two bodies, or one body and the ground."""
     one, two, three, length = uint64(1), uint64(2), uint64(3), uint64(len(axes))
     for i in range(uint64(len(firsts)) // two):
         k = three * i
-        normal, first, second = free[k], free[k + one], free[k + two]
+        normal, first, second = free_velocity[k], free_velocity[k + one], free_velocity[k + two]
         for body in range(two):
             begin, piece_start = firsts[two * i + body], three * length * (two * i + body)
             for x in range(length):
@@ -216,7 +220,19 @@ def _product_spatial_pairs(axes, firsts, pieces, free, scaled, relative):  # typ
 
 @njit(cache=True, fastmath={"contract"})
 def _sweep(  # type: ignore[no-untyped-def]
-    count, width, starts, chunks, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
+    count,
+    width,
+    starts,
+    chunks,
+    pieces,
+    free_velocity,
+    step_sizes,
+    friction,
+    fixed_bound,
+    partner,
+    coupling,
+    impulses,
+    scaled,
 ):
     """Sweep over blocks of any width with any number of pieces."""
     one, two, lanes, length = uint64(1), uint64(2), uint64(width), uint64(pieces.shape[2])
@@ -225,21 +241,21 @@ def _sweep(  # type: ignore[no-untyped-def]
         for i in range(uint64(len(friction))):
             k = lanes * i
             for lane in range(lanes):
-                xi[lane] = free[k + lane]
+                xi[lane] = free_velocity[k + lane]
                 old[lane] = impulses[k + lane]
                 for p in range(starts[i], starts[i + one]):
                     chunk = length * chunks[p]
                     for a in range(length):
                         xi[lane] += pieces[p, lane, a] * scaled[chunk + a]
-            impulses[k] = max(old[0] - sizes[two * i] * xi[0], 0.0)
+            impulses[k] = max(old[0] - step_sizes[two * i] * xi[0], 0.0)
             if width > 1:
                 change = impulses[k] - old[0]
-                bound = fixed[i] + friction[i] * impulses[partner[i]]
-                x = old[1] - sizes[two * i + one] * (xi[1] + coupling[two * i] * change)
+                bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
+                x = old[1] - step_sizes[two * i + one] * (xi[1] + coupling[two * i] * change)
                 if width == 2:
                     impulses[k + one] = min(max(x, -bound), bound)
                 else:
-                    y = old[2] - sizes[two * i + one] * (xi[2] + coupling[two * i + one] * change)
+                    y = old[2] - step_sizes[two * i + one] * (xi[2] + coupling[two * i + one] * change)
                     scale = disc_scale(x, y, bound)
                     impulses[k + one], impulses[k + two] = x * scale, y * scale
             for lane in range(lanes):
@@ -252,7 +268,7 @@ def _sweep(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath={"contract"})
 def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
-    count, axes, firsts, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
+    count, axes, firsts, pieces, free_velocity, step_sizes, friction, fixed_bound, partner, coupling, impulses, scaled
 ):
     """Sweep over spatial contacts between two bodies, or one body and the ground."""
     one, two, length = uint64(1), uint64(2), uint64(len(axes))
@@ -260,7 +276,7 @@ def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
         for i in range(uint64(len(friction))):
             k, piece_start = uint64(3) * i, uint64(6) * length * i
             a, b = firsts[two * i], firsts[two * i + one]
-            normal, first, second = free[k], free[k + one], free[k + two]
+            normal, first, second = free_velocity[k], free_velocity[k + one], free_velocity[k + two]
             normal_a, first_a, second_a = 0.0, 0.0, 0.0
             for x in range(length):
                 va, vb, entry = scaled[a + x], scaled[b + x], piece_start + x
@@ -271,14 +287,14 @@ def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
                 first_a += pieces[entry + length] * va
                 second_a += pieces[entry + two * length] * va
             old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
-            new = max(old_n - sizes[two * i] * (normal + normal_a), 0.0)
+            new = max(old_n - step_sizes[two * i] * (normal + normal_a), 0.0)
             impulses[k] = new
             dn = new - old_n
             first += first_a + coupling[two * i] * dn
             second += second_a + coupling[two * i + one] * dn
-            bound = fixed[i] + friction[i] * impulses[partner[i]]
-            t = old_t - sizes[two * i + one] * first
-            s = old_s - sizes[two * i + one] * second
+            bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
+            t = old_t - step_sizes[two * i + one] * first
+            s = old_s - step_sizes[two * i + one] * second
             scale = disc_scale(t, s, bound)
             t *= scale
             s *= scale

@@ -51,15 +51,15 @@ def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, impulse):  # type: ignore
     for k in range(first, d):
         largest = max(largest, block[k, k])
     length = np.sqrt(block[0, 0] / largest) if block[0, 0] > 0.0 and largest > 0.0 else 1.0
-    g, free, x = np.empty((d, d)), np.empty(d), np.empty(d)
+    g, free_velocity, x = np.empty((d, d)), np.empty(d), np.empty(d)
     for k in range(d):
         unit = length if k >= first else 1.0
-        free[k], x[k] = unit * q[k], impulse[k] / unit
+        free_velocity[k], x[k] = unit * q[k], impulse[k] / unit
         for j in range(d):
             g[k, j] = unit * block[k, j] * (length if j >= first else 1.0)
     laws = (mu, a, mu_r / length, a_r / length)
-    if not (x[0] <= 0.0 and a == 0.0 and a_r == 0.0 and free[0] >= 0.0):
-        _solve(g, free, sliding, laws, x)
+    if not (x[0] <= 0.0 and a == 0.0 and a_r == 0.0 and free_velocity[0] >= 0.0):
+        _solve(g, free_velocity, sliding, laws, x)
     else:
         x[:] = 0.0
     for k in range(d):

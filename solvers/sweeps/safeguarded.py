@@ -91,9 +91,9 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
             count -= step
             if step == sweeps_left:
                 self._since_check, self._checks_since_reduction = 0, self._checks_since_reduction + 1
-                layout, sizes = self._iterates.layout, self._iterates.step_sizes
-                lanes, sizes = (layout.width, layout.sliding, sizes.shape[1]), sizes.reshape(-1)
-                if reduce_opposed_steps(*lanes, self._before, self._previous, newest, sizes, self._fraction):
+                layout, step_sizes = self._iterates.layout, self._iterates.step_sizes
+                lanes, step_sizes = (layout.width, layout.sliding, step_sizes.shape[1]), step_sizes.reshape(-1)
+                if reduce_opposed_steps(*lanes, self._before, self._previous, newest, step_sizes, self._fraction):
                     self._checks_since_reduction = 0
                     self._iterates.scale_steps(self._fraction)
                 self._interval = INTERVALS[min(self._checks_since_reduction, len(INTERVALS) - 1)]

@@ -127,14 +127,14 @@ def _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot)
     sets, row_count, is_rolling, first_row, partner_law = laws
     n_rows, n_blocks, n_laws = len(free_velocity), len(component), len(sets)
     width = n_rows // n_blocks
-    n_values, n_sizes, n_numbers = values.size, 2 * n_blocks, ROWS_OF_NUMBERS * n_laws
-    store = np.empty(n_values + n_sizes + n_rows + n_numbers + N_WORK * n_rows)
+    n_values, n_step_sizes, n_numbers = values.size, 2 * n_blocks, ROWS_OF_NUMBERS * n_laws
+    store = np.empty(n_values + n_step_sizes + n_rows + n_numbers + N_WORK * n_rows)
     store[:n_values] = values.reshape(-1)
     offset = n_values
-    sizes = store[offset : offset + n_sizes].reshape(n_blocks, 2)
-    sizes[:] = 0.0
-    write_step_sizes(slot, width, diagonal, RELAXATION if coupling == COUPLED else 1.0, sizes)
-    offset += n_sizes
+    step_sizes = store[offset : offset + n_step_sizes].reshape(n_blocks, 2)
+    step_sizes[:] = 0.0
+    write_step_sizes(slot, width, diagonal, RELAXATION if coupling == COUPLED else 1.0, step_sizes)
+    offset += n_step_sizes
     store[offset : offset + n_rows] = diagonal
     offset += n_rows
     numbers = store[offset : offset + n_numbers].reshape(ROWS_OF_NUMBERS, n_laws)

@@ -194,9 +194,9 @@ class _Members:
         """Return the batch; ``matrices`` give the problems, and the kernel takes the ``extra`` arguments after them."""
         rows = [0, *accumulate(problem.n_rows for problem in self.problems)]
         entries = np.array([0, *accumulate(len(matrix.data) for matrix in matrices)])
-        free = _joined([problem.free_velocity for problem in self.problems])
+        free_velocity = _joined([problem.free_velocity for problem in self.problems])
         joined = self._joined_laws(), np.array(self._law_of_problem), np.array(rows), entries
-        return Batch(kernel, self.indices, rows, (*joined, *_joined_matrices(matrices), *extra, free))
+        return Batch(kernel, self.indices, rows, (*joined, *_joined_matrices(matrices), *extra, free_velocity))
 
     def _joined_laws(self) -> tuple[Any, ...]:
         """Return the laws in the form that the kernels of ``batch`` take."""
@@ -205,8 +205,8 @@ class _Members:
         sets, _, _, _, _, slot, _, partner = preparation  # arrays over laws, rows and contacts
         starts = [np.array([0, *map(int, accumulate(map(len, arrays)))]) for arrays in (sets, slot, partner)]
         sweeps = zip(*(arguments.sweeps for arguments in laws), strict=True)
-        friction, fixed, partner_lanes, _, _, _, law_friction, law_fixed, _ = sweeps
-        sweep_arrays = friction, fixed, partner_lanes, law_friction, law_fixed
+        friction, fixed_bound, partner_lanes, _, _, _, law_friction, law_fixed_bound, _ = sweeps
+        sweep_arrays = friction, fixed_bound, partner_lanes, law_friction, law_fixed_bound
         return (*starts, *map(_joined, [*preparation, *sweep_arrays]))
 
 

@@ -74,11 +74,11 @@ class ColouredSweep:
     threads: int
 
     @staticmethod
-    def over(problem: ContactProblem, sizes: FloatArray, threads: int) -> "ColouredSweep":
+    def over(problem: ContactProblem, step_sizes: FloatArray, threads: int) -> "ColouredSweep":
         """Return the sweep of a problem with factors whose contacts touch at most two bodies each.
 
-        ``sizes`` are the step sizes [kg] of ``step_sizes``, shape (n_blocks, 2); ``threads`` is the largest number of
-        threads.
+        ``step_sizes`` are those of ``compute_step_sizes`` [kg], shape (n_blocks, 2); ``threads`` is the largest number
+        of threads.
         """
         layout, balls = problem.layout, balls_of(problem)
         pairs = in_pairs(problem.factor_pieces()) if balls is None else balls.directions
@@ -86,23 +86,23 @@ class ColouredSweep:
         n_threads = _useful_threads(slabs, layout.n_blocks, threads)
         if balls is None:
             pairs = Pieces(pairs.starts, slabs.chunks, pairs.values, len(slabs.bodies))
-            return ColouredSweep._over_pieces(problem, sizes, pairs, slabs, n_threads)
+            return ColouredSweep._over_pieces(problem, step_sizes, pairs, slabs, n_threads)
         renumbered = balls.renumbered(slabs.bodies, slabs.chunks)
-        bodies, records, slots = renumbered.pack(problem, sizes, slabs.places, slabs.n_batches)
+        bodies, records, slots = renumbered.pack(problem, step_sizes, slabs.places, slabs.n_batches)
         data = bodies, records, balls.spin_share
         return ColouredSweep(layout, None, data, renumbered.motion, slabs, slots, n_threads)
 
     @staticmethod
     def _over_pieces(
-        problem: ContactProblem, sizes: FloatArray, pairs: Pieces, slabs: Slabs, threads: int
+        problem: ContactProblem, step_sizes: FloatArray, pairs: Pieces, slabs: Slabs, threads: int
     ) -> "ColouredSweep":
         layout = problem.layout
-        free = np.zeros((layout.n_blocks, 3))
-        free[:, : layout.width] = layout.pad(problem.free_velocity)
-        laws = sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound
+        free_velocity = np.zeros((layout.n_blocks, 3))
+        free_velocity[:, : layout.width] = layout.pad(problem.free_velocity)
+        laws = step_sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound
         coupling = own_coupling(pairs.starts, pairs.values).reshape(-1)
         batches = Batches(slabs.places, slabs.n_batches)
-        data = batch_arguments(pairs, batches, free.reshape(-1), laws, coupling)
+        data = batch_arguments(pairs, batches, free_velocity.reshape(-1), laws, coupling)
         slots = slots_in_batches(slabs.places).reshape(-1, 3)[:, : layout.width].flatten()
         return ColouredSweep(layout, data, None, partial(_motion, layout, pairs), slabs, slots, threads)
 

@@ -25,10 +25,10 @@ class Contacts:
         idle: index of the idle body, which follows all others and replaces a missing body.
         bodies: two bodies of each contact.
         pieces: W̃ of each contact, six rows of ``length`` (N, T1 and T2 of the first body, then of the second).
-        free: c, three entries for each contact.
-        sizes: step sizes r of N and T of each contact.
+        free_velocity: c, three entries for each contact.
+        step_sizes: step sizes r of N and T of each contact.
         friction: μ of each contact.
-        fixed: fixed part a of the friction bound of each contact.
+        fixed_bound: fixed part a of the friction bound of each contact.
         coupling: G_T1N and G_T2N, by which ξ_T is corrected after a change of Λ_N; zero in Jacobi sweeps.
     """
 
@@ -36,19 +36,19 @@ class Contacts:
     idle: wp.int32
     bodies: wp.array(dtype=wp.int32)
     pieces: wp.array(dtype=wp.float64)
-    free: wp.array(dtype=wp.float64)
-    sizes: wp.array(dtype=wp.float64)
+    free_velocity: wp.array(dtype=wp.float64)
+    step_sizes: wp.array(dtype=wp.float64)
     friction: wp.array(dtype=wp.float64)
-    fixed: wp.array(dtype=wp.float64)
+    fixed_bound: wp.array(dtype=wp.float64)
     coupling: wp.array(dtype=wp.float64)
 
 
 @wp.func
 def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.vec3d:
     """Return ξ of a contact from v."""
-    n = contacts.free[3 * i]
-    t = contacts.free[3 * i + 1]
-    s = contacts.free[3 * i + 2]
+    n = contacts.free_velocity[3 * i]
+    t = contacts.free_velocity[3 * i + 1]
+    s = contacts.free_velocity[3 * i + 2]
     length = contacts.length
     for side in range(2):
         body = contacts.bodies[2 * i + side] * length
@@ -67,12 +67,12 @@ def update_impulse(contacts: Contacts, i: wp.int32, xi: wp.vec3d, impulses: Numb
     old_n = impulses[3 * i]
     old_t = impulses[3 * i + 1]
     old_s = impulses[3 * i + 2]
-    n = wp.max(old_n - contacts.sizes[2 * i] * xi[0], Number(0.0))
+    n = wp.max(old_n - contacts.step_sizes[2 * i] * xi[0], Number(0.0))
     dn = n - old_n
-    r = contacts.sizes[2 * i + 1]
+    r = contacts.step_sizes[2 * i + 1]
     t = old_t - r * (xi[1] + contacts.coupling[2 * i] * dn)
     s = old_s - r * (xi[2] + contacts.coupling[2 * i + 1] * dn)
-    bound = contacts.fixed[i] + contacts.friction[i] * n
+    bound = contacts.fixed_bound[i] + contacts.friction[i] * n
     squared = t * t + s * s
     scale = Number(1.0)
     if squared > bound * bound:

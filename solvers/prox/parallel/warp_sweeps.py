@@ -51,7 +51,7 @@ class DeviceSweep(ABC):
 
     Args:
         problem: a problem with factors whose contacts touch at most two bodies each.
-        sizes: the step sizes [kg] of ``step_size``, shape (n_blocks, 2).
+        step_sizes: the step sizes [kg] of ``step_size``, shape (n_blocks, 2).
         device: the device.
 
     Attributes:
@@ -68,7 +68,7 @@ class DeviceSweep(ABC):
         InsufficientMemoryError: if the memory of the device does not suffice.
     """
 
-    def __init__(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> None:
+    def __init__(self, problem: ContactProblem, step_sizes: FloatArray, device: Any) -> None:
         import warp as wp
 
         from . import warp_kernels
@@ -77,18 +77,18 @@ class DeviceSweep(ABC):
         self.kernels, self.device, self.transfer_seconds = warp_kernels, device, 0.0
         self.layout, self.pieces = problem.layout, in_pairs(problem.factor_pieces())
         pieces, layout = self.pieces, self.layout
-        free = np.zeros((layout.n_blocks, 3))
-        free[:, : layout.width] = layout.pad(problem.free_velocity)
+        free_velocity = np.zeros((layout.n_blocks, 3))
+        free_velocity[:, : layout.width] = layout.pad(problem.free_velocity)
         values, coupling = pieces.values, self.coupling()  # deferred values are computed here, before timing
-        friction, fixed = layout.friction_coefficient, layout.fixed_bound
+        friction, fixed_bound = layout.friction_coefficient, layout.fixed_bound
         self.find_order()
         contacts = warp_kernels.Contacts()
         contacts.length, contacts.idle = pieces.length, pieces.n_chunks
         self.synchronise()
         start_time = time.perf_counter()
         contacts.bodies, contacts.pieces = self.indices(pieces.chunks), self.numbers(values)
-        contacts.free, contacts.sizes = self.numbers(free), self.numbers(sizes)
-        contacts.friction, contacts.fixed = self.numbers(friction), self.numbers(fixed)
+        contacts.free_velocity, contacts.step_sizes = self.numbers(free_velocity), self.numbers(step_sizes)
+        contacts.friction, contacts.fixed_bound = self.numbers(friction), self.numbers(fixed_bound)
         contacts.coupling = self.numbers(coupling)
         self.contacts = contacts
         self.copy_order()
@@ -166,7 +166,7 @@ class ColouredDeviceSweep(DeviceSweep):
         """Sort the contacts by colour."""
         colours, n_colours = colour_contacts(self.pieces)
         self._by_colour = np.argsort(colours, kind="stable")
-        self._sizes = np.bincount(colours, minlength=n_colours).tolist()
+        self._colour_sizes = np.bincount(colours, minlength=n_colours).tolist()
 
     def copy_order(self) -> None:
         """Copy the contacts sorted by colour."""
@@ -175,7 +175,7 @@ class ColouredDeviceSweep(DeviceSweep):
     def launch_sweep(self, impulses: Any, velocity: Any) -> None:
         """Start the kernels of all colours."""
         first = 0
-        for size in self._sizes:
+        for size in self._colour_sizes:
             self.launch(self.kernels.update_colour, size, self._order, first, impulses, velocity)
             first += size
 

@@ -28,16 +28,16 @@ squares of the ratios by which ``Residual`` multiplies their violations."""
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def in_frame(frame, difference, spin, free):  # type: ignore[no-untyped-def]
+def in_frame(frame, difference, spin, free_velocity):  # type: ignore[no-untyped-def]
     """Return ξ of a contact: n·d + c_N, T1·d − T2·s + c_1 and T2·d + T1·s + c_2.
 
-    ``frame`` is (n, T1, T2), ``difference`` is d, ``spin`` is s, and ``free`` is c.
+    ``frame`` is (n, T1, T2), ``difference`` is d, ``spin`` is s, and ``free_velocity`` is c.
     """
     (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z) = frame
     (dx, dy, dz), (sx, sy, sz) = difference, spin
-    along_normal = free[0] + x * dx + y * dy + z * dz
-    along_first = free[1] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
-    along_second = free[2] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
+    along_normal = free_velocity[0] + x * dx + y * dy + z * dz
+    along_first = free_velocity[1] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
+    along_second = free_velocity[2] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
     return along_normal, along_first, along_second
 
 
@@ -107,9 +107,9 @@ def update_impulses(records, record, kappa, impulses, change, first_entry, beta,
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
         difference = moves[lane], moves[lane + k1], moves[lane + k2]
         spin = kappa * moves[lane + k3], kappa * moves[lane + k4], kappa * moves[lane + k5]
-        free = records[r + k3], records[r + k4], records[r + k5]
+        free_velocity = records[r + k3], records[r + k4], records[r + k5]
         frame = (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z)
-        normal, first, second = in_frame(frame, difference, spin, free)
+        normal, first, second = in_frame(frame, difference, spin, free_velocity)
         ahead_n, ahead_t, ahead_s = beta * change[n], beta * change[t], beta * change[s]
         old_n, old_t, old_s = impulses[n] + ahead_n, impulses[t] + ahead_t, impulses[s] + ahead_s
         size_t = records[r + k7]
@@ -177,8 +177,8 @@ def lane_velocity(records, r, kappa, moves, lane):  # type: ignore[no-untyped-de
     first, second = tangents(x, y, z)
     difference = moves[lane], moves[lane + k1], moves[lane + k2]
     spin = kappa * moves[lane + k3], kappa * moves[lane + k4], kappa * moves[lane + k5]
-    free = records[r + k3], records[r + k4], records[r + k5]
-    return in_frame(((x, y, z), first, second), difference, spin, free)
+    free_velocity = records[r + k3], records[r + k4], records[r + k5]
+    return in_frame(((x, y, z), first, second), difference, spin, free_velocity)
 
 
 @njit(cache=True, inline="always")

@@ -41,9 +41,11 @@ class Balls(NamedTuple):
     inverse_masses: FloatArray
     spin_share: float
 
-    def pack(self, problem: ContactProblem, sizes: FloatArray, places: IntArray, n_batches: int) -> tuple[Any, ...]:
+    def pack(
+        self, problem: ContactProblem, step_sizes: FloatArray, places: IntArray, n_batches: int
+    ) -> tuple[Any, ...]:
         """Return bodies, records and slots of ``BallSweep`` for contacts at ``places`` (batch · LANES + lane)."""
-        arrays = self.contacts.chunks, self.contacts.normals, problem.free_velocity, sizes
+        arrays = self.contacts.chunks, self.contacts.normals, problem.free_velocity, step_sizes
         packed: tuple[Any, ...] = _pack(
             *arrays, problem.layout.friction_coefficient, self.inverse_masses, places, n_batches
         )
@@ -87,7 +89,7 @@ class BallSweep:
     Attributes:
         layout: the padded blocks.
         balls: the balls.
-        free: c, flat.
+        free_velocity: c, flat.
         bodies: first coordinate of both balls of each lane, shape (n_batches · 2 · LANES,).
         records: numbers of all contacts in batches, shape (n_batches · NUMBERS · LANES,).
         slots: position of each entry of Λ in the order of batches.
@@ -95,13 +97,13 @@ class BallSweep:
 
     layout: BlockLayout
     balls: Balls
-    free: FloatArray
+    free_velocity: FloatArray
     bodies: np.ndarray[tuple[int, ...], np.dtype[np.uint32]]
     records: FloatArray
     slots: IntArray
 
     @staticmethod
-    def over(problem: ContactProblem, sizes: FloatArray) -> "BallSweep | None":
+    def over(problem: ContactProblem, step_sizes: FloatArray) -> "BallSweep | None":
         """Return the sweep with step sizes as in ``step_size``.
 
         Return None if batches would have few contacts, or the contacts are not those of balls that share κ.
@@ -112,7 +114,7 @@ class BallSweep:
         batches = assign_batches(balls.directions)
         if len(batches.places) < MIN_FILL * LANES * batches.n_batches:
             return None
-        bodies, records, slots = balls.pack(problem, sizes, *batches)
+        bodies, records, slots = balls.pack(problem, step_sizes, *batches)
         return BallSweep(problem.layout, balls, problem.free_velocity, bodies, records, slots)
 
     def weights(self, residual: Residual) -> FloatArray:
@@ -160,7 +162,7 @@ class BallIterates(MomentumState, SinglePassIterates):
         """Return ξ over rows."""
         data, contacts = self._sweep, self._sweep.balls.contacts
         share = data.balls.spin_share
-        _write_relative(contacts.chunks, contacts.normals, share, data.free, self._motion, self._relative)
+        _write_relative(contacts.chunks, contacts.normals, share, data.free_velocity, self._motion, self._relative)
         return self._relative
 
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
@@ -202,7 +204,7 @@ def _write_inverse_masses(inverse, radii, inverse_masses):  # type: ignore[no-un
 
 
 @njit(cache=True)
-def _pack(chunks, normals, free, sizes, friction, inverse_masses, places, n_batches):  # type: ignore[no-untyped-def]
+def _pack(chunks, normals, free_velocity, step_sizes, friction, inverse_masses, places, n_batches):  # type: ignore[no-untyped-def]
     """Return the first coordinate of both balls of each lane, the records, and slots as in ``slots_in_batches``."""
     slots = np.empty(3 * len(places), dtype=np.int64)
     idle = len(inverse_masses) - 1
@@ -214,9 +216,9 @@ def _pack(chunks, normals, free, sizes, friction, inverse_masses, places, n_batc
         bodies[2 * LANES * batch + lane], bodies[(2 * batch + 1) * LANES + lane] = 6 * i, 6 * j
         for k in range(3):
             records[first_entry + LANES * k] = normals[c, k]
-            records[first_entry + LANES * (3 + k)] = free[3 * c + k]
+            records[first_entry + LANES * (3 + k)] = free_velocity[3 * c + k]
             slots[3 * c + k] = LANES * (3 * batch + k) + lane
-        records[first_entry + LANES * 6], records[first_entry + LANES * 7] = sizes[c, 0], sizes[c, 1]
+        records[first_entry + LANES * 6], records[first_entry + LANES * 7] = step_sizes[c, 0], step_sizes[c, 1]
         records[first_entry + LANES * 8] = friction[c]
         records[first_entry + LANES * 9], records[first_entry + LANES * 10] = inverse_masses[i], inverse_masses[j]
     return bodies, records, slots
@@ -257,15 +259,15 @@ def _write_motion(chunks, normals, inverse_masses, impulses, motion):  # type: i
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_relative(chunks, normals, share, free, motion, relative):  # type: ignore[no-untyped-def]
+def _write_relative(chunks, normals, share, free_velocity, motion, relative):  # type: ignore[no-untyped-def]
     """Write ξ = GΛ + c."""
     for c in range(len(normals)):
-        xi = _relative(c, chunks, normals, share, free, motion)
+        xi = _relative(c, chunks, normals, share, free_velocity, motion)
         relative[3 * c], relative[3 * c + 1], relative[3 * c + 2] = xi
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def _relative(c, chunks, normals, share, free, motion):  # type: ignore[no-untyped-def]
+def _relative(c, chunks, normals, share, free_velocity, motion):  # type: ignore[no-untyped-def]
     """Return ξ of one contact."""
     row, six = uint64(3) * uint64(c), uint64(6)
     i, j = six * uint64(chunks[uint64(2) * uint64(c)]), six * uint64(chunks[uint64(2) * uint64(c) + uint64(1)])
@@ -277,5 +279,5 @@ def _relative(c, chunks, normals, share, free, motion):  # type: ignore[no-untyp
     sx = share * (motion[i + uint64(3)] + motion[j + uint64(3)])
     sy = share * (motion[i + uint64(4)] + motion[j + uint64(4)])
     sz = share * (motion[i + uint64(5)] + motion[j + uint64(5)])
-    contact_free = free[row], free[row + uint64(1)], free[row + uint64(2)]
-    return in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), contact_free)
+    contact_free_velocity = free_velocity[row], free_velocity[row + uint64(1)], free_velocity[row + uint64(2)]
+    return in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), contact_free_velocity)

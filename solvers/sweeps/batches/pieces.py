@@ -39,18 +39,18 @@ def assign_batches(pieces: Pieces) -> Batches:
 
 
 def batch_arguments(
-    pieces: Pieces, batches: Batches, free: FloatArray, laws: tuple[Any, ...], coupling: FloatArray
+    pieces: Pieces, batches: Batches, free_velocity: FloatArray, laws: tuple[Any, ...], coupling: FloatArray
 ) -> tuple[Any, ...]:
     """Return the constant arguments of ``sweep_batches``: axes of a chunk, bodies of the contacts, and the records.
 
     Args:
         pieces: W̃, two pieces of width 3 per block.
         batches: the batch and lane of each block.
-        free: c [m/s], padded and flat, shape (3 · n_blocks,).
+        free_velocity: c [m/s], padded and flat, shape (3 · n_blocks,).
         laws: step sizes [kg] of N and T of each block, flat, shape (2 · n_blocks,); μ and a [N s], shape (n_blocks,).
         coupling: G_T1N and G_T2N [1/kg] of each block, flat, shape (2 · n_blocks,).
     """
-    arrays: tuple[Any, ...] = (pieces.chunks, pieces.values, pieces.n_chunks, *batches, free, *laws, coupling)
+    arrays: tuple[Any, ...] = (pieces.chunks, pieces.values, pieces.n_chunks, *batches, free_velocity, *laws, coupling)
     return tuple(np.arange(pieces.length, dtype=np.uint64)), *_pack(*arrays)
 
 
@@ -90,7 +90,7 @@ def _assign_lanes(chunks, idle):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed, coupling):  # type: ignore[no-untyped-def]
+def _pack(chunks, values, idle, places, n_batches, free_velocity, step_sizes, friction, fixed_bound, coupling):  # type: ignore[no-untyped-def]
     """Return the first coordinates of bodies, flat from shape (n_batches, 2, LANES), and the records, flat."""
     length = values.shape[2]
     pieces, numbers = values.reshape(-1), uint64(6 * length)
@@ -112,11 +112,11 @@ def _pack(chunks, values, idle, places, n_batches, free, sizes, friction, fixed,
             bodies[two * batch * lanes + lane] = chunks[two * block] * length
             bodies[(two * batch + one) * lanes + lane] = chunks[two * block + one] * length
             for k in range(three):
-                records[law_entry + k * lanes] = free[three * block + k]
+                records[law_entry + k * lanes] = free_velocity[three * block + k]
             for k in range(two):
-                records[law_entry + (three + k) * lanes] = sizes[two * block + k]
+                records[law_entry + (three + k) * lanes] = step_sizes[two * block + k]
                 records[law_entry + (uint64(7) + k) * lanes] = coupling[two * block + k]
-            records[law_entry + uint64(5) * lanes] = fixed[block]
+            records[law_entry + uint64(5) * lanes] = fixed_bound[block]
             records[law_entry + uint64(6) * lanes] = friction[block]
         first_entry += uint64(9) * lanes
     return bodies, records
