@@ -145,12 +145,12 @@ class IterationDriver:
         self.run(count)
         return count
 
-    def check_cycle(self, before: FloatArray) -> Outcome | None:
-        """Do two sweeps from ``before``, the latest Λ; return the outcome if they lead back to it."""
+    def check_cycle(self, second_last: FloatArray) -> Outcome | None:
+        """Do two sweeps from ``second_last``, the latest Λ; return the outcome if they lead back to it."""
         self.run(1)
         previous = self.iterates.impulses()
         self.run(1)
-        return self.monitor.check_cycle(self.iterates.impulses(), previous, before)
+        return self.monitor.check_cycle(self.iterates.impulses(), previous, second_last)
 
     def record(self, impulses: FloatArray) -> None:
         """Count one iteration that produced ``impulses``; the caller must not write to them afterwards."""

@@ -178,12 +178,12 @@ def solve_usual_spatial_blocks(  # type: ignore[no-untyped-def]
             k, own = three * i, nine * starts[i]
             normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free_velocity, impulses)
             mu, bound = _split_bound(i, k, friction, fixed_bound, partner, impulses)
-            old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+            old_n, old_t1, old_t2 = impulses[k], impulses[k + one], impulses[k + two]
             block = values[own : own + nine]
-            n, t, s, is_usual = solve_usual_spatial(block, normal, first, second, mu, bound, old_n, old_t, old_s)
+            n, t1, t2, is_usual = solve_usual_spatial(block, normal, first, second, mu, bound, old_n, old_t1, old_t2)
             if not is_usual:
                 return done * len(friction) + np.int64(i)
-            _move_spatial(k, relaxation[i], mu, bound, n, t, s, impulses)
+            _move_spatial(k, relaxation[i], mu, bound, n, t1, t2, impulses)
     return count * len(friction)
 
 
@@ -198,25 +198,25 @@ def solve_other_spatial_blocks(  # type: ignore[no-untyped-def]
         k, own = three * i, nine * starts[i]
         normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free_velocity, impulses)
         mu, bound = _split_bound(i, k, friction, fixed_bound, partner, impulses)
-        old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+        old_n, old_t1, old_t2 = impulses[k], impulses[k + one], impulses[k + two]
         block = values[own : own + nine]
-        n, t, s = solve_spatial(block, normal, first, second, mu, bound, old_n, old_t, old_s, work)
-        _move_spatial(k, relaxation[i], mu, bound, n, t, s, impulses)
+        n, t1, t2 = solve_spatial(block, normal, first, second, mu, bound, old_n, old_t1, old_t2, work)
+        _move_spatial(k, relaxation[i], mu, bound, n, t1, t2, impulses)
 
 
 @njit(cache=True, inline="always")
-def _move_spatial(k, relaxation, mu, bound, n, t, s, impulses):  # type: ignore[no-untyped-def]
-    """Move the impulse in lanes k to k + 2 by the fraction ``relaxation`` to (n, t, s), and project onto its cone."""
+def _move_spatial(k, relaxation, mu, bound, n, t1, t2, impulses):  # type: ignore[no-untyped-def]
+    """Move the impulse in lanes k to k + 2 by the fraction ``relaxation`` to (n, t1, t2), and project onto its cone."""
     one, two = uint64(1), uint64(2)
     if relaxation != 1.0:
-        old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+        old_n, old_t1, old_t2 = impulses[k], impulses[k + one], impulses[k + two]
         n = max(old_n + relaxation * (n - old_n), 0.0)
         bound += mu * n
-        t, s = old_t + relaxation * (t - old_t), old_s + relaxation * (s - old_s)
-        scale = disc_scale(t, s, bound)
-        t *= scale
-        s *= scale
-    impulses[k], impulses[k + one], impulses[k + two] = n, t, s
+        t1, t2 = old_t1 + relaxation * (t1 - old_t1), old_t2 + relaxation * (t2 - old_t2)
+        scale = disc_scale(t1, t2, bound)
+        t1 *= scale
+        t2 *= scale
+    impulses[k], impulses[k + one], impulses[k + two] = n, t1, t2
 
 
 @njit(cache=True, error_model="numpy")

@@ -108,7 +108,7 @@ class FactorIterates:
         self._sweep = sweep
         layout, pieces = sweep.layout, sweep.pieces
         padded = layout.pad(start).reshape(-1)
-        self._relative = np.empty_like(padded)
+        self._relative_velocity = np.empty_like(padded)
         idle_length = pieces.length
         self._state = np.zeros(sweep.n_impulses + pieces.n_chunks * pieces.length + idle_length)
         self._impulses, self._scaled = self._state[: sweep.n_impulses], self._state[sweep.n_impulses :]
@@ -130,9 +130,9 @@ class FactorIterates:
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
-        data = self._sweep
-        data.product(*data.factor, data.free_velocity, self._scaled, self._relative)
-        return data.layout.rows_of(self._relative)
+        sweep = self._sweep
+        sweep.product(*sweep.factor, sweep.free_velocity, self._scaled, self._relative_velocity)
+        return sweep.layout.rows_of(self._relative_velocity)
 
 
 class AnyLawIterates(FactorIterates):
@@ -156,13 +156,13 @@ class BatchIterates(FactorIterates, MomentumState):
         FactorIterates.__init__(self, sweep, start)
         MomentumState.__init__(self, momentum, delay)
         self._change = np.zeros_like(self._impulses)
-        self._before = self._scaled.copy() if momentum > 0.0 else self._scaled
+        self._previous_velocity = self._scaled.copy() if momentum > 0.0 else self._scaled
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        arrays = (self._impulses, self._scaled, self._change, self._before)
-        data, momentum = self._sweep, (self._momentum, self._delay, self._sweeps)
-        self._beta = data.kernel(count, *data.arguments, *arrays, *momentum, self._beta)
+        arrays = (self._impulses, self._scaled, self._change, self._previous_velocity)
+        sweep, momentum = self._sweep, (self._momentum, self._delay, self._sweeps)
+        self._beta = sweep.kernel(count, *sweep.arguments, *arrays, *momentum, self._beta)
         self._sweeps += count
 
 
@@ -189,7 +189,7 @@ def own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product(width, starts, chunks, pieces, free_velocity, scaled, relative):  # type: ignore[no-untyped-def]
+def _product(width, starts, chunks, pieces, free_velocity, scaled, relative_velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for blocks of any width with any number of pieces."""
     one, lanes, length = uint64(1), uint64(width), uint64(pieces.shape[2])
     for i in range(uint64(len(starts) - 1)):
@@ -198,11 +198,11 @@ def _product(width, starts, chunks, pieces, free_velocity, scaled, relative):  #
             for p in range(starts[i], starts[i + one]):
                 for k in range(length):
                     total += pieces[p, lane, k] * scaled[length * chunks[p] + k]
-            relative[lanes * i + lane] = total
+            relative_velocity[lanes * i + lane] = total
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product_spatial_pairs(axes, firsts, pieces, free_velocity, scaled, relative):  # type: ignore[no-untyped-def]
+def _product_spatial_pairs(axes, firsts, pieces, free_velocity, scaled, relative_velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for spatial contacts between two bodies, or one body and the ground."""
     one, two, three, length = uint64(1), uint64(2), uint64(3), uint64(len(axes))
     for i in range(uint64(len(firsts)) // two):
@@ -215,7 +215,7 @@ def _product_spatial_pairs(axes, firsts, pieces, free_velocity, scaled, relative
                 normal += pieces[piece_start + x] * v
                 first += pieces[piece_start + length + x] * v
                 second += pieces[piece_start + two * length + x] * v
-        relative[k], relative[k + one], relative[k + two] = normal, first, second
+        relative_velocity[k], relative_velocity[k + one], relative_velocity[k + two] = normal, first, second
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -286,27 +286,33 @@ def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
                 normal_a += pieces[entry] * va
                 first_a += pieces[entry + length] * va
                 second_a += pieces[entry + two * length] * va
-            old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+            old_n, old_t1, old_t2 = impulses[k], impulses[k + one], impulses[k + two]
             new = max(old_n - step_sizes[two * i] * (normal + normal_a), 0.0)
             impulses[k] = new
             dn = new - old_n
             first += first_a + coupling[two * i] * dn
             second += second_a + coupling[two * i + one] * dn
             bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
-            t = old_t - step_sizes[two * i + one] * first
-            s = old_s - step_sizes[two * i + one] * second
-            scale = disc_scale(t, s, bound)
-            t *= scale
-            s *= scale
-            impulses[k + one], impulses[k + two] = t, s
-            dt, ds = t - old_t, s - old_s
+            t1 = old_t1 - step_sizes[two * i + one] * first
+            t2 = old_t2 - step_sizes[two * i + one] * second
+            scale = disc_scale(t1, t2, bound)
+            t1 *= scale
+            t2 *= scale
+            impulses[k + one], impulses[k + two] = t1, t2
+            dt1, dt2 = t1 - old_t1, t2 - old_t2
             for x in range(length):
                 entry = piece_start + x
                 scaled[a + x] = (
-                    scaled[a + x] + pieces[entry] * dn + pieces[entry + length] * dt + pieces[entry + two * length] * ds
+                    scaled[a + x]
+                    + pieces[entry] * dn
+                    + pieces[entry + length] * dt1
+                    + pieces[entry + two * length] * dt2
                 )
             for x in range(length):
                 entry = piece_start + x + uint64(3) * length
                 scaled[b + x] = (
-                    scaled[b + x] + pieces[entry] * dn + pieces[entry + length] * dt + pieces[entry + two * length] * ds
+                    scaled[b + x]
+                    + pieces[entry] * dn
+                    + pieces[entry + length] * dt1
+                    + pieces[entry + two * length] * dt2
                 )

@@ -73,7 +73,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
         self._iterates, self.padded = iterates, iterates.padded
         self._fraction = np.empty(iterates.layout.n_blocks)  # step of each contact, relative to its initial one
         self._fraction.fill(1.0)
-        self._before, self._previous = np.empty((2, len(iterates.padded)))
+        self._second_last, self._previous = np.empty((2, len(iterates.padded)))
         self._since_check, self._checks_since_reduction, self._interval = 0, 0, INTERVALS[0]
 
     def sweep(self, count: int) -> None:
@@ -82,7 +82,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
         while count > 0:
             sweeps_left = self._interval - self._since_check
             if sweeps_left == 2:
-                self._before[:] = newest
+                self._second_last[:] = newest
             elif sweeps_left == 1:
                 self._previous[:] = newest
             step = min(count, sweeps_left - 2 if sweeps_left > 2 else 1)
@@ -93,7 +93,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
                 self._since_check, self._checks_since_reduction = 0, self._checks_since_reduction + 1
                 layout, step_sizes = self._iterates.layout, self._iterates.step_sizes
                 lanes, step_sizes = (layout.width, layout.sliding, step_sizes.shape[1]), step_sizes.reshape(-1)
-                if reduce_opposed_steps(*lanes, self._before, self._previous, newest, step_sizes, self._fraction):
+                if reduce_opposed_steps(*lanes, self._second_last, self._previous, newest, step_sizes, self._fraction):
                     self._checks_since_reduction = 0
                     self._iterates.scale_steps(self._fraction)
                 self._interval = INTERVALS[min(self._checks_since_reduction, len(INTERVALS) - 1)]
@@ -110,7 +110,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def reduce_opposed_steps(width, sliding, groups, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
+def reduce_opposed_steps(width, sliding, groups, second_last, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
     """Reduce the step of each contact whose increments are opposed and do not shrink; return whether there is one."""
     lanes, groups = uint64(width), uint64(groups)
     is_reduced = False
@@ -120,7 +120,7 @@ def reduce_opposed_steps(width, sliding, groups, before, previous, newest, step_
         for lane in range(lanes):
             r = step_sizes[groups * i + uint64(0 if lane == 0 else (1 if lane <= sliding else 2))]
             weight = 1.0 / r if r > 0.0 else 0.0
-            a = previous[k + lane] - before[k + lane]
+            a = previous[k + lane] - second_last[k + lane]
             b = newest[k + lane] - previous[k + lane]
             product += weight * a * b
             older += weight * a * a

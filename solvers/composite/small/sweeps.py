@@ -72,7 +72,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
     width = n_rows // n_blocks
     n_values = len(lanes) * width * width
     values, step_sizes, diagonal, numbers, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
-    velocity, before, previous, fraction = work[0], work[1], work[2], work[3, :n_blocks]
+    velocity, second_last, previous, fraction = work[0], work[1], work[2], work[3, :n_blocks]
     scaled = work[4:6].reshape(-1)[: 2 * n_blocks]
     fraction[:] = 1.0
     scaled[:] = step_sizes
@@ -89,7 +89,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
         while count > 0:
             sweeps_left = interval - since_check
             if sweeps_left == 2:
-                before[:] = impulses
+                second_last[:] = impulses
             elif sweeps_left == 1:
                 previous[:] = impulses
             step = min(count, sweeps_left - 2 if sweeps_left > 2 else 1)
@@ -98,7 +98,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
             count -= step
             if step == sweeps_left:
                 since_check, checks_since_reduction = 0, checks_since_reduction + 1
-                if reduce_opposed_steps(width, width - 1, 2, before, previous, impulses, step_sizes, fraction):
+                if reduce_opposed_steps(width, width - 1, 2, second_last, previous, impulses, step_sizes, fraction):
                     checks_since_reduction = 0
                     for i in range(n_blocks):
                         scaled[2 * i] = step_sizes[2 * i] * fraction[i]

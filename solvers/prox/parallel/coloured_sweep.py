@@ -28,7 +28,7 @@ from ....problems.contact.residual import Residual
 from ...iteration.loop import SinglePassIterates
 from ...iteration.momentum import MomentumState, extrapolate, momentum_after
 from ...sweeps.batches.ball_kernels import WEIGHTS, largest_of_lanes
-from ...sweeps.batches.balls import balls_of, measures_squares, write_weights
+from ...sweeps.batches.balls import balls_of, can_compare_squares, write_weights
 from ...sweeps.batches.pieces import LANES, Batches, batch_arguments, slots_in_batches
 from ...sweeps.factors import own_coupling
 from .atomic import add, swap_if_equal, wait_for
@@ -89,7 +89,7 @@ class ColouredSweep:
             return ColouredSweep._over_pieces(problem, step_sizes, pairs, slabs, n_threads)
         renumbered = balls.renumbered(slabs.bodies, slabs.chunks)
         bodies, records, slots = renumbered.pack(problem, step_sizes, slabs.places, slabs.n_batches)
-        data = bodies, records, balls.spin_share
+        data = bodies, records, balls.spin_ratio
         return ColouredSweep(layout, None, data, renumbered.motion, slabs, slots, n_threads)
 
     @staticmethod
@@ -129,7 +129,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
         MomentumState.__init__(self, momentum, delay)
         self._sweep = sweep
         self._scaled = sweep.motion(start)
-        self._before = self._scaled.copy()
+        self._previous_velocity = self._scaled.copy()
         self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.slabs.n_batches))
         if start.any():
             self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
@@ -150,7 +150,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
             first_batch,
             sweep.piece_batches,
             sweep.ball_batches,
-            (self._impulses, self._scaled, self._change, self._before, self._velocity),
+            (self._impulses, self._scaled, self._change, self._previous_velocity, self._velocity),
             (self._weights, self._violations, sweep.slots, self._rows),
             self._turns,
             self._claims,
@@ -179,7 +179,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
 
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
         """Return Λ over rows and its residual."""
-        if self._sweep.ball_batches is None or not measures_squares(residual):
+        if self._sweep.ball_batches is None or not can_compare_squares(residual):
             impulses = self.impulses()
             return impulses, residual(impulses, self.relative_velocity())
         if residual is not self._residual:
@@ -238,7 +238,7 @@ def _run_window(  # type: ignore[no-untyped-def]
     ``claims`` counts how often each task was claimed, and ``n_completed`` the completed tasks of the window.
     """
     sweeps, windows, count = counters[0], counters[1], counters[2]
-    impulses, scaled, change, before, velocity = arrays
+    impulses, scaled, change, previous_velocity, velocity = arrays
     momentum, delay, beta = momenta[0], momenta[1], momenta[2]
     length = BALL_LENGTH
     if pieces is not None:
@@ -257,7 +257,7 @@ def _run_window(  # type: ignore[no-untyped-def]
                     completed += 1
                     if stage == 0:
                         first = PIECE_LENGTH * task
-                        extrapolate(scaled, before, beta, first, min(first + PIECE_LENGTH, len(scaled)))
+                        extrapolate(scaled, previous_velocity, beta, first, min(first + PIECE_LENGTH, len(scaled)))
                         continue
                     slab = task - stages[1]
                     turn[:] = 0.0

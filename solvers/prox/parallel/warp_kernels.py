@@ -47,8 +47,8 @@ class Contacts:
 def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.vec3d:
     """Return ξ of a contact from v."""
     n = contacts.free_velocity[3 * i]
-    t = contacts.free_velocity[3 * i + 1]
-    s = contacts.free_velocity[3 * i + 2]
+    t1 = contacts.free_velocity[3 * i + 1]
+    t2 = contacts.free_velocity[3 * i + 2]
     length = contacts.length
     for side in range(2):
         body = contacts.bodies[2 * i + side] * length
@@ -56,31 +56,31 @@ def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.v
         for x in range(length):
             v = velocity[body + x]
             n = n + contacts.pieces[offset + x] * v
-            t = t + contacts.pieces[offset + length + x] * v
-            s = s + contacts.pieces[offset + 2 * length + x] * v
-    return wp.vec3d(n, t, s)
+            t1 = t1 + contacts.pieces[offset + length + x] * v
+            t2 = t2 + contacts.pieces[offset + 2 * length + x] * v
+    return wp.vec3d(n, t1, t2)
 
 
 @wp.func
 def update_impulse(contacts: Contacts, i: wp.int32, xi: wp.vec3d, impulses: Numbers) -> wp.vec3d:
     """Move Λ of a contact along −r ξ and project it; return its change."""
     old_n = impulses[3 * i]
-    old_t = impulses[3 * i + 1]
-    old_s = impulses[3 * i + 2]
+    old_t1 = impulses[3 * i + 1]
+    old_t2 = impulses[3 * i + 2]
     n = wp.max(old_n - contacts.step_sizes[2 * i] * xi[0], Number(0.0))
     dn = n - old_n
     r = contacts.step_sizes[2 * i + 1]
-    t = old_t - r * (xi[1] + contacts.coupling[2 * i] * dn)
-    s = old_s - r * (xi[2] + contacts.coupling[2 * i + 1] * dn)
+    t1 = old_t1 - r * (xi[1] + contacts.coupling[2 * i] * dn)
+    t2 = old_t2 - r * (xi[2] + contacts.coupling[2 * i + 1] * dn)
     bound = contacts.fixed_bound[i] + contacts.friction[i] * n
-    squared = t * t + s * s
+    squared = t1 * t1 + t2 * t2
     scale = Number(1.0)
     if squared > bound * bound:
         scale = bound / wp.sqrt(squared)
     impulses[3 * i] = n
-    impulses[3 * i + 1] = t * scale
-    impulses[3 * i + 2] = s * scale
-    return wp.vec3d(dn, t * scale - old_t, s * scale - old_s)
+    impulses[3 * i + 1] = t1 * scale
+    impulses[3 * i + 2] = t2 * scale
+    return wp.vec3d(dn, t1 * scale - old_t1, t2 * scale - old_t2)
 
 
 @wp.kernel

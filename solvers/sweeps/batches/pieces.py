@@ -93,7 +93,7 @@ def _assign_lanes(chunks, idle):  # type: ignore[no-untyped-def]
 def _pack(chunks, values, idle, places, n_batches, free_velocity, step_sizes, friction, fixed_bound, coupling):  # type: ignore[no-untyped-def]
     """Return the first coordinates of bodies, flat from shape (n_batches, 2, LANES), and the records, flat."""
     length = values.shape[2]
-    pieces, numbers = values.reshape(-1), uint64(6 * length)
+    pieces, entries_per_contact = values.reshape(-1), uint64(6 * length)
     block_at = np.zeros(n_batches * LANES, dtype=np.uint64)
     n_used = np.zeros(n_batches, dtype=np.uint64)
     for block in range(len(places)):
@@ -103,9 +103,9 @@ def _pack(chunks, values, idle, places, n_batches, free_velocity, step_sizes, fr
     records = np.zeros(n_batches * (6 * length + 9) * LANES)
     one, two, three, lanes, first_entry = uint64(1), uint64(2), uint64(3), uint64(LANES), uint64(0)
     for batch in range(uint64(n_batches)):
-        for k in range(numbers):
+        for k in range(entries_per_contact):
             for lane in range(n_used[batch]):
-                records[first_entry + lane] = pieces[numbers * block_at[batch * lanes + lane] + k]
+                records[first_entry + lane] = pieces[entries_per_contact * block_at[batch * lanes + lane] + k]
             first_entry += lanes
         for lane in range(n_used[batch]):
             block, law_entry = block_at[batch * lanes + lane], first_entry + lane
@@ -124,21 +124,21 @@ def _pack(chunks, values, idle, places, n_batches, free_velocity, step_sizes, fr
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_batches(  # type: ignore[no-untyped-def]
-    count, axes, bodies, records, impulses, scaled, change, before, momentum, delay, sweeps, beta
+    count, axes, bodies, records, impulses, scaled, change, previous_velocity, momentum, delay, sweeps, beta
 ):
     """Do ``count`` sweeps, and return the β of the sweep after them.
 
     ``impulses`` is Λ in the order of ``slots_in_batches``, and ``scaled`` is v = W̃ Λ, with an idle chunk last.
-    ``change`` is the change of Λ in the previous sweep. With momentum, ``before`` is the v at which that sweep began.
-    ``beta`` is the β of the next sweep. ``momentum`` and ``delay`` are those of ``MomentumState`` after ``sweeps``
-    sweeps.
+    ``change`` is the change of Λ in the previous sweep. With momentum, ``previous_velocity`` is the v at which that
+    sweep began. ``beta`` is the β of the next sweep. ``momentum`` and ``delay`` are those of ``MomentumState`` after
+    ``sweeps`` sweeps.
     """
     two, three, lanes, length = uint64(2), uint64(3), uint64(LANES), uint64(len(axes))
     row, n_batches = lanes * length, uint64(len(bodies)) // (two * lanes)
     v_before, v_after, turn = np.empty(two * row), np.empty(two * row), np.empty(lanes)
     for _ in range(count):
         if momentum > 0.0:
-            extrapolate(scaled, before, beta, 0, len(scaled))
+            extrapolate(scaled, previous_velocity, beta, 0, len(scaled))
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
@@ -160,11 +160,11 @@ def sweep_batches(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_batch(axes, records, begin, impulses, change, first_entry, beta, turn, before, after):  # type: ignore[no-untyped-def]
+def update_batch(axes, records, begin, impulses, change, first_entry, beta, turn, v_before, v_after):  # type: ignore[no-untyped-def]
     """Update the impulses of one batch.
 
     Its record begins at ``begin`` of ``records``, and its Λ at ``first_entry`` of ``impulses``. Read v of its bodies
-    from ``before``, and write it to ``after``. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and Λ̂ = Λ + β
+    from ``v_before``, and write it to ``v_after``. Add (Λ̂ − Λ⁺)·(Λ⁺ − Λ) to ``turn``, where Λ becomes Λ⁺ and Λ̂ = Λ + β
     ``change``.
     """
     two, lanes, length = uint64(2), uint64(LANES), uint64(len(axes))
@@ -172,42 +172,42 @@ def update_batch(axes, records, begin, impulses, change, first_entry, beta, turn
     law = begin + uint64(6) * row
     for lane in range(lanes):
         a, c, n = begin + lane, law + lane, first_entry + lane
-        b, t, s = a + uint64(3) * row, n + lanes, n + two * lanes
+        b, t1, t2 = a + uint64(3) * row, n + lanes, n + two * lanes
         normal, first, second = records[c], records[c + lanes], records[c + two * lanes]
         normal_b, first_b, second_b = 0.0, 0.0, 0.0
         for x in range(length):
-            v_a, v_b = before[lanes * x + lane], before[lanes * (length + x) + lane]
+            v_a, v_b = v_before[lanes * x + lane], v_before[lanes * (length + x) + lane]
             normal += records[a + lanes * x] * v_a
             first += records[a + row + lanes * x] * v_a
             second += records[a + two * row + lanes * x] * v_a
             normal_b += records[b + lanes * x] * v_b
             first_b += records[b + row + lanes * x] * v_b
             second_b += records[b + two * row + lanes * x] * v_b
-        ahead_n, ahead_t, ahead_s = beta * change[n], beta * change[t], beta * change[s]
-        old_n, old_t, old_s = impulses[n] + ahead_n, impulses[t] + ahead_t, impulses[s] + ahead_s
+        ahead_n, ahead_t1, ahead_t2 = beta * change[n], beta * change[t1], beta * change[t2]
+        old_n, old_t1, old_t2 = impulses[n] + ahead_n, impulses[t1] + ahead_t1, impulses[t2] + ahead_t2
         size_n, size_t = records[c + uint64(3) * lanes], records[c + uint64(4) * lanes]
         new_n = max(old_n - size_n * (normal + normal_b), 0.0)
         dn = new_n - old_n
-        new_t = old_t - size_t * (first + first_b + records[c + uint64(7) * lanes] * dn)
-        new_s = old_s - size_t * (second + second_b + records[c + uint64(8) * lanes] * dn)
+        new_t1 = old_t1 - size_t * (first + first_b + records[c + uint64(7) * lanes] * dn)
+        new_t2 = old_t2 - size_t * (second + second_b + records[c + uint64(8) * lanes] * dn)
         bound = records[c + uint64(5) * lanes] + records[c + uint64(6) * lanes] * new_n
-        squared = new_t * new_t + new_s * new_s
+        squared = new_t1 * new_t1 + new_t2 * new_t2
         scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
-        new_t *= scale
-        new_s *= scale
-        step_n, step_t, step_s = new_n - impulses[n], new_t - impulses[t], new_s - impulses[s]
-        turn[lane] += (ahead_n - step_n) * step_n + (ahead_t - step_t) * step_t + (ahead_s - step_s) * step_s
-        change[n], change[t], change[s] = step_n, step_t, step_s
-        impulses[n], impulses[t], impulses[s] = new_n, new_t, new_s
-        dt, ds = new_t - old_t, new_s - old_s
+        new_t1 *= scale
+        new_t2 *= scale
+        step_n, step_t1, step_t2 = new_n - impulses[n], new_t1 - impulses[t1], new_t2 - impulses[t2]
+        turn[lane] += (ahead_n - step_n) * step_n + (ahead_t1 - step_t1) * step_t1 + (ahead_t2 - step_t2) * step_t2
+        change[n], change[t1], change[t2] = step_n, step_t1, step_t2
+        impulses[n], impulses[t1], impulses[t2] = new_n, new_t1, new_t2
+        dt1, dt2 = new_t1 - old_t1, new_t2 - old_t2
         for x in range(length):
-            after[lanes * x + lane] = before[lanes * x + lane] + (
+            v_after[lanes * x + lane] = v_before[lanes * x + lane] + (
                 records[a + lanes * x] * dn
-                + records[a + row + lanes * x] * dt
-                + records[a + two * row + lanes * x] * ds
+                + records[a + row + lanes * x] * dt1
+                + records[a + two * row + lanes * x] * dt2
             )
-            after[lanes * (length + x) + lane] = before[lanes * (length + x) + lane] + (
+            v_after[lanes * (length + x) + lane] = v_before[lanes * (length + x) + lane] + (
                 records[b + lanes * x] * dn
-                + records[b + row + lanes * x] * dt
-                + records[b + two * row + lanes * x] * ds
+                + records[b + row + lanes * x] * dt1
+                + records[b + two * row + lanes * x] * dt2
             )
