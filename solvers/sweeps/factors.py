@@ -86,11 +86,11 @@ class FactorSweep:
         product = (_product_spatial_pairs, _pairs(pieces), free_velocity)
         batches = assign_batches(pieces)
         n_lanes = LANES * batches.n_batches
-        if len(batches.places) < MIN_FILL * n_lanes or not layout.bounds_are_own:
+        if len(batches.positions) < MIN_FILL * n_lanes or not layout.bounds_are_own:
             arguments = (*_pairs(pieces), free_velocity, *laws, coupling)
             return FactorSweep(layout, pieces, _sweep_spatial_pairs, arguments, *product, None, len(free_velocity))
         arguments = batch_arguments(pieces, batches, free_velocity, laws[:3], coupling)
-        slots, n_impulses = slots_in_batches(batches.places), 3 * n_lanes
+        slots, n_impulses = slots_in_batches(batches.positions), 3 * n_lanes
         return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots, n_impulses)
 
     def begin(self, start: FloatArray, momentum: float = 0.0, delay: float = 0.0) -> Iterates:

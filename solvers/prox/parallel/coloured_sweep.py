@@ -88,7 +88,7 @@ class ColouredSweep:
             pairs = Pieces(pairs.starts, slabs.chunks, pairs.values, len(slabs.bodies))
             return ColouredSweep._over_pieces(problem, step_sizes, pairs, slabs, n_threads)
         renumbered = balls.renumbered(slabs.bodies, slabs.chunks)
-        bodies, records, slots = renumbered.pack(problem, step_sizes, slabs.places, slabs.n_batches)
+        bodies, records, slots = renumbered.pack(problem, step_sizes, slabs.positions, slabs.n_batches)
         data = bodies, records, balls.spin_ratio
         return ColouredSweep(layout, None, data, renumbered.motion, slabs, slots, n_threads)
 
@@ -101,9 +101,9 @@ class ColouredSweep:
         free_velocity[:, : layout.width] = layout.pad(problem.free_velocity)
         laws = step_sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound
         coupling = own_coupling(pairs.starts, pairs.values).reshape(-1)
-        batches = Batches(slabs.places, slabs.n_batches)
+        batches = Batches(slabs.positions, slabs.n_batches)
         data = batch_arguments(pairs, batches, free_velocity.reshape(-1), laws, coupling)
-        slots = slots_in_batches(slabs.places).reshape(-1, 3)[:, : layout.width].flatten()
+        slots = slots_in_batches(slabs.positions).reshape(-1, 3)[:, : layout.width].flatten()
         return ColouredSweep(layout, data, None, partial(_motion, layout, pairs), slabs, slots, threads)
 
 
@@ -331,5 +331,5 @@ def _write_violations(  # type: ignore[no-untyped-def]
 
 @njit(inline="always")
 def _slab_at(position, n_even):  # type: ignore[no-untyped-def]
-    """Return the slab at a place in the order of the levels, in which even and odd slabs alternate."""
+    """Return the slab at a position in the order of the levels, in which even and odd slabs alternate."""
     return position // 2 + n_even * (position % 2)

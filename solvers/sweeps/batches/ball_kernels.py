@@ -113,9 +113,9 @@ def update_impulses(records, record, kappa, impulses, change, first_entry, beta,
         normal, first, second = in_frame(frame, difference, spin, free_velocity)
         ahead_n, ahead_t1, ahead_t2 = beta * change[n], beta * change[t1], beta * change[t2]
         old_n, old_t1, old_t2 = impulses[n] + ahead_n, impulses[t1] + ahead_t1, impulses[t2] + ahead_t2
-        size_t = records[r + k7]
+        step_size_t = records[r + k7]
         new_n = max(old_n - records[r + k6] * normal, 0.0)
-        new_t1, new_t2 = old_t1 - size_t * first, old_t2 - size_t * second
+        new_t1, new_t2 = old_t1 - step_size_t * first, old_t2 - step_size_t * second
         bound = records[r + k8] * new_n
         squared = new_t1 * new_t1 + new_t2 * new_t2
         scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0

@@ -42,12 +42,12 @@ class Balls(NamedTuple):
     spin_ratio: float
 
     def pack(
-        self, problem: ContactProblem, step_sizes: FloatArray, places: IntArray, n_batches: int
+        self, problem: ContactProblem, step_sizes: FloatArray, positions: IntArray, n_batches: int
     ) -> tuple[Any, ...]:
-        """Return bodies, records and slots of ``BallSweep`` for contacts at ``places`` (batch · LANES + lane)."""
+        """Return bodies, records and slots of ``BallSweep`` for contacts at ``positions`` (batch · LANES + lane)."""
         arrays = self.contacts.chunks, self.contacts.normals, problem.free_velocity, step_sizes
         packed: tuple[Any, ...] = _pack(
-            *arrays, problem.layout.friction_coefficient, self.inverse_masses, places, n_batches
+            *arrays, problem.layout.friction_coefficient, self.inverse_masses, positions, n_batches
         )
         return packed
 
@@ -126,7 +126,7 @@ class BallSweep:
         if balls is None:
             return None
         batches = assign_batches(balls.directions)
-        if len(batches.places) < MIN_FILL * LANES * batches.n_batches:
+        if len(batches.positions) < MIN_FILL * LANES * batches.n_batches:
             return None
         bodies, records, slots = balls.pack(problem, step_sizes, *batches)
         return BallSweep(problem.layout, balls, problem.free_velocity, bodies, records, slots)
@@ -220,14 +220,14 @@ def _find_inverse_masses_and_spin_ratio(inverse, radii, inverse_masses):  # type
 
 
 @njit(cache=True)
-def _pack(balls, normals, free_velocity, step_sizes, friction, inverse_masses, places, n_batches):  # type: ignore[no-untyped-def]
+def _pack(balls, normals, free_velocity, step_sizes, friction, inverse_masses, positions, n_batches):  # type: ignore[no-untyped-def]
     """Return the first coordinate of both balls of each lane, the records, and slots as in ``slots_in_batches``."""
-    slots = np.empty(3 * len(places), dtype=np.int64)
+    slots = np.empty(3 * len(positions), dtype=np.int64)
     idle = len(inverse_masses) - 1
     bodies = np.full(n_batches * 2 * LANES, 6 * idle, dtype=np.uint32)
     records = np.zeros(n_batches * ENTRIES_PER_RECORD * LANES)
-    for c in range(len(places)):
-        batch, lane = places[c] // LANES, places[c] % LANES
+    for c in range(len(positions)):
+        batch, lane = positions[c] // LANES, positions[c] % LANES
         i, j, first_entry = balls[2 * c], balls[2 * c + 1], ENTRIES_PER_RECORD * LANES * batch + lane
         bodies[2 * LANES * batch + lane], bodies[(2 * batch + 1) * LANES + lane] = 6 * i, 6 * j
         for k in range(3):

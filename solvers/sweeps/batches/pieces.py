@@ -26,16 +26,16 @@ MIN_FILL = 0.75
 
 
 class Batches(NamedTuple):
-    """The place (batch · LANES + lane) of each block, shape (n_blocks,), and the number of batches."""
+    """The position (batch · LANES + lane) of each block, shape (n_blocks,), and the number of batches."""
 
-    places: Any
+    positions: Any
     n_batches: int
 
 
 def assign_batches(pieces: Pieces) -> Batches:
     """Assign each block to a lane of a batch."""
-    places, n_batches = _assign_lanes(pieces.chunks, pieces.n_chunks)
-    return Batches(places, int(n_batches))
+    positions, n_batches = _assign_lanes(pieces.chunks, pieces.n_chunks)
+    return Batches(positions, int(n_batches))
 
 
 def batch_arguments(
@@ -54,21 +54,21 @@ def batch_arguments(
     return tuple(np.arange(pieces.length, dtype=np.uint64)), *_pack(*arrays)
 
 
-def slots_in_batches(places: Any) -> IntArray:
+def slots_in_batches(positions: Any) -> IntArray:
     """Return the positions of Λ_N, Λ_T1 and Λ_T2 of each block for ``sweep_batches``, shape (3 · n_blocks,).
 
     A batch holds Λ_N of all its contacts, then Λ_T1, then Λ_T2.
     """
-    normal = 2 * LANES * (places // LANES) + places
+    normal = 2 * LANES * (positions // LANES) + positions
     slots: IntArray = (normal[:, None] + LANES * np.arange(3)).reshape(-1)
     return slots
 
 
 @njit(cache=True)
 def _assign_lanes(chunks, idle):  # type: ignore[no-untyped-def]
-    """Return the place of each block, and the number of batches."""
+    """Return the position of each block, and the number of batches."""
     n_blocks = len(chunks) // 2
-    places = np.empty(n_blocks, dtype=np.int64)
+    positions = np.empty(n_blocks, dtype=np.int64)
     next_batch = np.zeros(idle + 1, dtype=np.int64)  # first batch after the last one that touches each chunk
     n_used = np.zeros(n_blocks + 1, dtype=np.int64)  # lanes in use
     first_open, n_batches = 0, 0
@@ -79,26 +79,26 @@ def _assign_lanes(chunks, idle):  # type: ignore[no-untyped-def]
                 batch = max(batch, next_batch[chunks[p]])
         while n_used[batch] == LANES:
             batch += 1
-        places[block] = LANES * batch + n_used[batch]
+        positions[block] = LANES * batch + n_used[batch]
         n_used[batch] += 1
         for p in (2 * block, 2 * block + 1):
             next_batch[chunks[p]] = batch + 1
         n_batches = max(n_batches, batch + 1)
         while n_used[first_open] == LANES:
             first_open += 1
-    return places, n_batches
+    return positions, n_batches
 
 
 @njit(cache=True)
-def _pack(chunks, values, idle, places, n_batches, free_velocity, step_sizes, friction, fixed_bound, coupling):  # type: ignore[no-untyped-def]
+def _pack(chunks, values, idle, positions, n_batches, free_velocity, step_sizes, friction, fixed_bound, coupling):  # type: ignore[no-untyped-def]
     """Return the first coordinates of bodies, flat from shape (n_batches, 2, LANES), and the records, flat."""
     length = values.shape[2]
     pieces, entries_per_contact = values.reshape(-1), uint64(6 * length)
     block_at = np.zeros(n_batches * LANES, dtype=np.uint64)
     n_used = np.zeros(n_batches, dtype=np.uint64)
-    for block in range(len(places)):
-        block_at[places[block]] = block
-        n_used[places[block] // LANES] += 1
+    for block in range(len(positions)):
+        block_at[positions[block]] = block
+        n_used[positions[block] // LANES] += 1
     bodies = np.full(n_batches * 2 * LANES, idle * length, dtype=np.uint64)
     records = np.zeros(n_batches * (6 * length + 9) * LANES)
     one, two, three, lanes, first_entry = uint64(1), uint64(2), uint64(3), uint64(LANES), uint64(0)
@@ -185,11 +185,11 @@ def update_batch(axes, records, begin, impulses, change, first_entry, beta, turn
             second_b += records[b + two * row + lanes * x] * v_b
         ahead_n, ahead_t1, ahead_t2 = beta * change[n], beta * change[t1], beta * change[t2]
         old_n, old_t1, old_t2 = impulses[n] + ahead_n, impulses[t1] + ahead_t1, impulses[t2] + ahead_t2
-        size_n, size_t = records[c + uint64(3) * lanes], records[c + uint64(4) * lanes]
-        new_n = max(old_n - size_n * (normal + normal_b), 0.0)
+        step_size_n, step_size_t = records[c + uint64(3) * lanes], records[c + uint64(4) * lanes]
+        new_n = max(old_n - step_size_n * (normal + normal_b), 0.0)
         dn = new_n - old_n
-        new_t1 = old_t1 - size_t * (first + first_b + records[c + uint64(7) * lanes] * dn)
-        new_t2 = old_t2 - size_t * (second + second_b + records[c + uint64(8) * lanes] * dn)
+        new_t1 = old_t1 - step_size_t * (first + first_b + records[c + uint64(7) * lanes] * dn)
+        new_t2 = old_t2 - step_size_t * (second + second_b + records[c + uint64(8) * lanes] * dn)
         bound = records[c + uint64(5) * lanes] + records[c + uint64(6) * lanes] * new_n
         squared = new_t1 * new_t1 + new_t2 * new_t2
         scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
