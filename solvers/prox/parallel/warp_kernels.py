@@ -109,7 +109,7 @@ def update_all(contacts: Contacts, impulses: Numbers, velocity: Numbers, changes
 
 
 @wp.kernel
-def move_bodies(contacts: Contacts, starts: Indices, touching: Indices, changes: Numbers, velocity: Numbers):
+def update_velocities(contacts: Contacts, starts: Indices, touching: Indices, changes: Numbers, velocity: Numbers):
     """Add the changes of the contacts of a body to its v; ``touching`` lists 2 · contact + side for each body."""
     body = wp.tid()
     length = contacts.length
@@ -123,9 +123,9 @@ def move_bodies(contacts: Contacts, starts: Indices, touching: Indices, changes:
 
 
 @wp.kernel
-def write_velocity(contacts: Contacts, velocity: Numbers, relative: Numbers):
+def write_relative_velocity(contacts: Contacts, velocity: Numbers, relative_velocity: Numbers):
     """Write ξ of all contacts."""
     i = wp.tid()
     xi = contact_velocity(contacts, i, velocity)
     for lane in range(3):
-        relative[3 * i + lane] = xi[lane]
+        relative_velocity[3 * i + lane] = xi[lane]
