@@ -11,7 +11,7 @@ from ....problems.contact.coupling import components_over_matrix, components_ove
 from ....problems.contact.matrices.delassus import gather_blocks, multiply_pieces, write_diagonal
 from ....problems.contact.matrices.pieces import cut_columns
 from ...sweeps.step_size import write_step_sizes
-from ..sweep_selection import FACTORS_DENSITY_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
+from ..sweep_selection import FACTORS_READ_RATIO_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
 
 NEEDS_OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
 """Kinds of coupling: coupled contacts on which other sweeps are faster, uncoupled contacts, other coupled contacts."""
@@ -93,8 +93,8 @@ def _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, pa
         component = components_over_pieces(starts, chunks, values, n_chunks, partner)
         max_shared, pairs = count_shared_chunks(chunks, n_chunks)
         if max_shared > 1:
-            density = values.shape[1] ** 2 * pairs / max(2.0 * values.size, 1.0)
-            coupling = COUPLED if density <= FACTORS_DENSITY_ON_FEW_ROWS else NEEDS_OTHER_SWEEPS
+            read_ratio = values.shape[1] ** 2 * pairs / max(2.0 * values.size, 1.0)
+            coupling = COUPLED if read_ratio <= FACTORS_READ_RATIO_ON_FEW_ROWS else NEEDS_OTHER_SWEEPS
     diagonal = np.zeros(len(free_velocity))
     _add_square_sums(starts, values, diagonal)
     blocks = multiply_pieces(starts, chunks, values, n_chunks)

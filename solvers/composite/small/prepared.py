@@ -18,7 +18,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import MAX_SQUARED, MIN_SQUARED
 from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop, check_stop
 from ...iteration.stopping import MIN_PLATEAU_SWEEPS
-from ..sweep_selection import MAX_SMALL_SIZE, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
+from ..sweep_selection import MAX_SMALL_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
 from .laws import law_arguments
 from .preparation import COUPLED, NEEDS_OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
 from .sweeps import sweep_coupled, sweep_uncoupled
@@ -102,7 +102,7 @@ def prepare_small(
     loaded yet. For ``prepare_general``, see ``PreparedSmall``.
     """
     free_velocity = problem.free_velocity
-    if not 0 < len(free_velocity) <= MAX_SMALL_SIZE or not _KERNELS.should_use():
+    if not 0 < len(free_velocity) <= MAX_SMALL_ROWS or not _KERNELS.should_use():
         return None
     laws = law_arguments(problem.laws)
     if laws is None:

@@ -20,7 +20,7 @@ from ....problems.contact.solver import Solution, SolverError, Status, Stop
 from ....problems.exchange.catalog import load
 from ...iteration.cores import thread_requirement, usable_cores
 from ..robust import Robust
-from ..sweep_selection import MAX_SMALL_SIZE
+from ..sweep_selection import MAX_SMALL_ROWS
 from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
 from .laws import LawArguments, law_arguments
 from .preparation import COUPLED
@@ -142,7 +142,7 @@ def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator
     """
     over_matrices, over_columns = _Members(), _Members()
     for index, problem in enumerate(problems):
-        is_small = 0 < problem.n_rows <= MAX_SMALL_SIZE and longest_seconds(problem.n_rows) <= max_seconds
+        is_small = 0 < problem.n_rows <= MAX_SMALL_ROWS and longest_seconds(problem.n_rows) <= max_seconds
         laws = law_arguments(problem.laws) if is_small else None
         if laws is None:
             continue
