@@ -41,7 +41,7 @@ class Pairing:
         after: the second run, restricted in the same way.
         notes: sentences about omitted parts and other differences.
         accuracies: the common tolerances, from coarse to fine.
-        obstacle: why times are not comparable; empty if they are.
+        incomparable_reason: why times are not comparable; empty if they are.
         yardsticks: solvers that determine the scale of times: those not from plugins, or all if anything has changed.
         is_same_software: whether machine, package and libraries are unchanged, so that the yardsticks are certain.
     """
@@ -50,7 +50,7 @@ class Pairing:
     after: RunFrames
     notes: tuple[str, ...]
     accuracies: tuple[float, ...]
-    obstacle: str
+    incomparable_reason: str
     yardsticks: tuple[str, ...]
     is_same_software: bool
 
@@ -90,7 +90,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
         _restricted(after, keys, tolerances),
         (*notes, *left_out),
         tuple(sorted(tolerances, reverse=True)),
-        f"the machines differ: {'; '.join(hardware)}" if hardware else _load_obstacle(before, after),
+        f"the machines differ: {'; '.join(hardware)}" if hardware else _load_reason(before, after),
         solvers if changed else own_solvers,
         not changed,
     )
@@ -146,7 +146,7 @@ def _restricted(run: RunFrames, keys: pd.DataFrame, tolerances: Iterable[float])
     return replace(run, cases=run.cases.merge(keys, on=CASE), points=points, rounds=rounds)
 
 
-def _load_obstacle(before: RunFrames, after: RunFrames) -> str:
+def _load_reason(before: RunFrames, after: RunFrames) -> str:
     """Return why times of two runs on one machine are not comparable; empty if they are."""
     if before.rounds.empty or after.rounds.empty:
         return ""

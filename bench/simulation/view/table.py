@@ -120,7 +120,7 @@ def _final_errors(simulation: Simulation) -> dict[str, float]:
     }
 
 
-def document(simulation: Simulation) -> dict[str, Any]:
+def simulation_document(simulation: Simulation) -> dict[str, Any]:
     """Return plan, summary, windows, switching points and periods as JSON values."""
     rows = [_window_document(window) for window in windows(simulation)]
     return {
