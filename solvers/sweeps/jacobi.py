@@ -1,6 +1,6 @@
 """Jacobi sweeps over the assembled Delassus matrix.
 
-One sweep updates every law from the same iterate ν,
+One sweep updates every law from the same iterate Λ^ν,
 
     Λ_i ← prox_{C_i}( Λ_i^ν − r_i ( Σ_j G_ij Λ_j^ν + c_i ) ),
 
@@ -38,7 +38,10 @@ class JacobiIterates(DelassusState):
 
 @njit(cache=True)
 def _project(width, step_sizes, friction, fixed_bound, partner, velocity, impulses):  # type: ignore[no-untyped-def]
-    """Move Λ along −r ξ and project: all normal impulses, then all friction impulses."""
+    """Move Λ along −r ξ and project: all normal impulses, then all friction impulses.
+
+    ``partner`` is the index of the normal impulse that bounds each friction law.
+    """
     n_blocks = len(friction)
     for i in range(n_blocks):
         impulses[width * i] = max(impulses[width * i] - step_sizes[2 * i] * velocity[width * i], 0.0)
