@@ -190,11 +190,9 @@ def answer_fault(answer: dict[str, Any]) -> str | None:
     return None
 
 
-def are_iterations(numbers: Any) -> bool:
+def are_iterations(values: Any) -> bool:
     """Return whether ``numbers`` is a list of valid iteration numbers."""
-    return isinstance(numbers, list) and all(
-        type(number) is int and 0 <= number <= MAX_ITERATIONS for number in numbers
-    )
+    return isinstance(values, list) and all(type(number) is int and 0 <= number <= MAX_ITERATIONS for number in values)
 
 
 @dataclass

@@ -297,9 +297,9 @@ def _headline(frames: RunFrames, problem: str, contacts: int) -> str:
     return f"{problem} · {counted(contacts, 'contact')}"
 
 
-def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
+def _legend(frames: RunFrames, headings: list[str], summary: pd.DataFrame) -> str:
     """Return the legend of the printed tables; ``heads`` are those of the columns of times."""
-    columns = f"Columns {heads[0]} to {heads[-1]} give" if len(heads) > 1 else f"Column {heads[0]} gives"
+    columns = f"Columns {headings[0]} to {headings[-1]} give" if len(headings) > 1 else f"Column {headings[0]} gives"
     if frames.is_study:
         return f"{columns} the least median time of a simulation, to that error; – means never reached."
     goal = f"to that {frames.residual} residual"

@@ -59,9 +59,9 @@ def check_segments(segments: Sequence[Segment], n_steps: int) -> None:
     Raises:
         ValueError: if the first segment does not begin at step 0, or a segment is empty or out of order.
     """
-    firsts = [segment.first for segment in segments]
-    has_start = firsts[:1] == [0] if n_steps else not firsts
-    if not has_start or any(following <= first for first, following in pairwise([*firsts, n_steps])):
+    first_steps = [segment.first for segment in segments]
+    has_start = first_steps[:1] == [0] if n_steps else not first_steps
+    if not has_start or any(following <= first for first, following in pairwise([*first_steps, n_steps])):
         raise ValueError("the segments do not cover the steps")
 
 

@@ -314,7 +314,7 @@ def model_name(model: Any) -> str:
 def _engine_model(
     module: Any, data: Any, mass: InverseMass, jacobian: Any, combination: sp.csr_array[Any], step: float
 ) -> EngineModel:
-    kinds, firsts, coefficient = engine_sets(data)
+    kinds, first_rows, coefficient = engine_sets(data)
     return EngineModel(
         name=f"MuJoCo {module.__version__}",
         matrix=sp.csr_array(jacobian @ mass.matrix @ jacobian.T),
@@ -322,7 +322,7 @@ def _engine_model(
         offset=jacobian @ data.qacc_smooth - data.efc_aref,
         scale=float(np.max(abs(jacobian) @ np.abs(data.qacc_smooth) + np.abs(data.efc_aref))),
         kind=np.array(kinds, dtype=np.int8),
-        first_row=np.array(firsts, dtype=np.int64),
+        first_row=np.array(first_rows, dtype=np.int64),
         coefficient=coefficient,
         bound=data.efc_frictionloss,
         combination=combination,

@@ -276,14 +276,14 @@ def _write_scales(  # type: ignore[no-untyped-def]
 @interpretable
 @njit(cache=True, error_model="numpy")
 def write_scales_and_ratios(  # type: ignore[no-untyped-def]
-    sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, component, slot, width, numbers
+    sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, component, slot, width, law_values
 ):
-    """Write α, ℓ, ℓ ‖c‖ and a ratio for each law into the rows of ``numbers``, shape (at least 4, n_laws).
+    """Write α, ℓ, ℓ ‖c‖ and a ratio for each law into the rows of ``law_values``, shape (at least 4, n_laws).
 
     The ratio is the largest ℓ ‖c‖ of the problem divided by that of the law's component, or 1 if that of the component
     is negligible. ``component`` holds the component of each contact. The return value is that of ``_write_scales``.
     """
-    alpha, lengths, speeds, ratios = numbers[0], numbers[1], numbers[2], numbers[3]
+    alpha, lengths, speeds, ratios = law_values[0], law_values[1], law_values[2], law_values[3]
     arguments = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)
     stuck, scale = _write_scales(*arguments, alpha, lengths, speeds)
     largest, owns = np.zeros(len(component)), np.empty(len(sets), dtype=np.int64)

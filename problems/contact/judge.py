@@ -112,11 +112,11 @@ class Verdict:
         return f"<Verdict: residual {self.residual:.3g}, {local}, {self.model} model{infeasible}>"
 
     def _repr_html_(self) -> str:
-        known = {name: value for name, value in self.numbers().items() if value is not None}
+        known = {name: value for name, value in self.numeric_fields().items() if value is not None}
         facts = {f"{name.replace('_', ' ')}{UNITS.get(name, '')}": value for name, value in known.items()}
         return html_table(f"Verdict by the {self.model} model", facts)
 
-    def numbers(self) -> dict[str, float | bool | None]:
+    def numeric_fields(self) -> dict[str, float | bool | None]:
         """Return the fields that are single numbers, by name."""
         return {name: value for name, value in vars(self).items() if name not in NON_NUMERIC_FIELDS}
 
@@ -212,12 +212,12 @@ def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: flo
 
 def _infinite_verdict(problem: ContactProblem, residual: Residual, model: Model) -> Verdict:
     """Return the verdict on impulses that are not all finite; all of its errors are infinite or NaN."""
-    numbers: dict[str, Any] = {item.name: np.inf for item in fields(Verdict) if item.name not in NON_NUMERIC_FIELDS}
+    values: dict[str, Any] = {item.name: np.inf for item in fields(Verdict) if item.name not in NON_NUMERIC_FIELDS}
     if problem.answer is None or problem.answer.velocity is None:
-        numbers["velocity_error"] = None
-    numbers |= {"dissipated_energy": np.nan, "infeasible": residual.infeasible}
+        values["velocity_error"] = None
+    values |= {"dissipated_energy": np.nan, "infeasible": residual.infeasible}
     n_components = int(residual.components.max(initial=-1)) + 1
-    return Verdict(**numbers, model=model, component_residuals=(np.inf,) * n_components)
+    return Verdict(**values, model=model, component_residuals=(np.inf,) * n_components)
 
 
 def _in_usual_units(verdict: Verdict, unit: float) -> Verdict:

@@ -83,10 +83,10 @@ def write_pairs(kind, bound, r, u, slack, p, q):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def divide_by_arrow(p, g):  # type: ignore[no-untyped-def]
     """Replace g by L(p)⁻¹ g for the arrow matrix L(p) x = p ∘ x."""
-    head = (p[0] * g[0] - dot_tangential(p, g)) / determinant(p)
-    g[0] = head
+    scalar = (p[0] * g[0] - dot_tangential(p, g)) / determinant(p)
+    g[0] = scalar
     for lane in range(1, len(p)):
-        g[lane] = (g[lane] - head * p[lane]) / p[0]
+        g[lane] = (g[lane] - scalar * p[lane]) / p[0]
 
 
 @njit(cache=True, error_model="numpy")
@@ -103,13 +103,13 @@ def linearise(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-
         det = determinant(a)
         for column in range(width):
             if column == 0:
-                head = (a[0] * b[0] - dot_tangential(a, b)) / det
+                scalar = (a[0] * b[0] - dot_tangential(a, b)) / det
             else:
-                head = (a[0] * b[column] - a[column] * b[0]) / det
-            d[0, column] = head
+                scalar = (a[0] * b[column] - a[column] * b[0]) / det
+            d[0, column] = scalar
             for lane in range(1, width):
                 entry = b[lane] if column == 0 else (b[0] if lane == column else 0.0)
-                d[lane, column] = (entry - head * a[lane]) / a[0]
+                d[lane, column] = (entry - scalar * a[lane]) / a[0]
         shifts[i, 0] = target - a[0] * b[0] - dot_tangential(a, b) - second[i, 0]
         for lane in range(1, width):
             shifts[i, lane] = -(a[0] * b[lane] + b[0] * a[lane]) - second[i, lane]
@@ -214,9 +214,9 @@ def complementarity(kind, p, q, r, u):  # type: ignore[no-untyped-def]
             squares += (r[i, 0] * u[i, 0]) ** 2
             count += 1
         if kind[i] >= CONE:
-            head = p[i, 0] * q[i, 0] + dot_tangential(p[i], q[i])
-            total += head
-            squares += head**2
+            scalar = p[i, 0] * q[i, 0] + dot_tangential(p[i], q[i])
+            total += scalar
+            squares += scalar**2
             for lane in range(1, p.shape[1]):
                 squares += (p[i, 0] * q[i, lane] + q[i, 0] * p[i, lane]) ** 2
             count += 1

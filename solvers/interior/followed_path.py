@@ -81,7 +81,7 @@ class FollowedPath:
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
         self._shifts, self._right = np.zeros((n, width)), np.zeros((n, width))
         self._linearised, self._reduced = (self._matrices, self._shifts), (self._coupled, self._right)
-        self._heads, self._lifts = np.zeros((n, width + 1)), np.zeros(n)
+        self._complementarity_terms, self._lift_terms = np.zeros((n, width + 1)), np.zeros(n)
         self._p, self._q = np.empty((n, width)), np.empty((n, width))
         self._point: Point
         self._tangent: Direction | None = None
@@ -158,30 +158,36 @@ class FollowedPath:
         """Linearise at a point and factorise; return whether the factorisation succeeded."""
         scaled, kind = self._scaled, self._scaled.kind
         cones.write_pairs(kind, scaled.bounds(point.r), point.r, point.u, point.s, self._p, self._q)
-        self._heads[:] = 0.0
-        cones.linearise(kind, self._p, self._q, point.tau, self._heads, *self._linearised)
+        self._complementarity_terms[:] = 0.0
+        cones.linearise(kind, self._p, self._q, point.tau, self._complementarity_terms, *self._linearised)
         laws = (kind, scaled.friction, self._full_shares)
-        cones.couple(*laws, point.r, point.u, *self._linearised, point.tau, self._heads, *self._reduced)
+        cones.couple(*laws, point.r, point.u, *self._linearised, point.tau, self._complementarity_terms, *self._reduced)
         self._factorised_point = point
         return self._progress.factorise(lambda: self._system.factorise(self._coupled))
 
     def _tau_right_side(self) -> FloatArray:
         """Return the right-hand side of complementarity for dτ = τ."""
-        heads = np.zeros_like(self._heads)
-        heads[:, 0] = heads[:, -1] = self._factorised_point.tau
-        return heads
+        complementarity_terms = np.zeros_like(self._complementarity_terms)
+        complementarity_terms[:, 0] = complementarity_terms[:, -1] = self._factorised_point.tau
+        return complementarity_terms
 
     def _solve(
-        self, heads: FloatArray, lifts: FloatArray, primal: FloatArray | None = None, refinements: int = 1
+        self,
+        complementarity_terms: FloatArray,
+        lift_terms: FloatArray,
+        primal: FloatArray | None = None,
+        refinements: int = 1,
     ) -> Direction:
         """Return the solution of the linear system at the factorised point, with zero change of τ."""
         scaled, point = self._scaled, self._factorised_point
-        write_right_side(scaled.kind, self._p, point.r, point.u, heads, lifts, self._shifts, self._right)
+        write_right_side(
+            scaled.kind, self._p, point.r, point.u, complementarity_terms, lift_terms, self._shifts, self._right
+        )
         total = self._right if primal is None else self._right + primal
         dr = np.where(scaled.uses, self._system.solve(np.where(scaled.uses, total, 0.0), refinements), 0.0)
         du, ds = np.empty_like(dr), np.empty(len(dr))
         laws = (scaled.kind, scaled.friction, self._full_shares)
-        cones.write_changes(*laws, point.u, *self._linearised, *self._reduced, -lifts, dr, du, ds)
+        cones.write_changes(*laws, point.u, *self._linearised, *self._reduced, -lift_terms, dr, du, ds)
         return Direction(dr, du, ds, 0.0)
 
     def _product(self, x: Direction, y: Direction) -> float:
@@ -206,9 +212,16 @@ class FollowedPath:
         series.put(1, tangent)
         for order in range(2, self._order + 1):
             write_lower_orders(
-                scaled.kind, scaled.friction, series.r, series.u, series.s, order, self._heads, self._lifts
+                scaled.kind,
+                scaled.friction,
+                series.r,
+                series.u,
+                series.s,
+                order,
+                self._complementarity_terms,
+                self._lift_terms,
             )
-            particular = self._solve(self._heads, self._lifts, refinements=0)
+            particular = self._solve(self._complementarity_terms, self._lift_terms, refinements=0)
             series.put(order, particular.plus(-self._product(tangent, particular), tangent))
         return series
 
@@ -238,12 +251,12 @@ class FollowedPath:
         for _ in range(max_steps):
             if point.is_within(CLOSE) or self._progress.outcome is not None or not self._factorise(point):
                 break
-            step = self._solve(self._heads * 0.0, self._lifts * 0.0, point.primal, 2)
-            part, change = 1.0, step.r - step.u
+            step = self._solve(self._complementarity_terms * 0.0, self._lift_terms * 0.0, point.primal, 2)
+            fraction, change = 1.0, step.r - step.u
             candidate = Point(self._scaled, self._system, point.v + change, point.tau)
-            while not candidate.distance < point.distance and part > MIN_STEP:
-                part *= 0.5
-                candidate = Point(self._scaled, self._system, point.v + part * change, point.tau)
+            while not candidate.distance < point.distance and fraction > MIN_STEP:
+                fraction *= 0.5
+                candidate = Point(self._scaled, self._system, point.v + fraction * change, point.tau)
             if not candidate.is_finite:
                 break
             point = candidate
@@ -256,8 +269,8 @@ class FollowedPath:
         for _ in range(FURTHER_STEPS):
             if point.is_within(CLOSE) or self._progress.outcome is not None or not self._factorise(point):
                 break
-            newton = self._solve(self._heads * 0.0, self._lifts * 0.0, point.primal, 2)
-            along = self._solve(self._tau_right_side(), self._lifts * 0.0)
+            newton = self._solve(self._complementarity_terms * 0.0, self._lift_terms * 0.0, point.primal, 2)
+            along = self._solve(self._tau_right_side(), self._lift_terms * 0.0)
             along = Direction(along.r, along.u, along.s, 1.0)
             slope = self._product(self._tangent, along)
             share = -self._product(self._tangent, newton) / slope if abs(slope) > 0.0 else 0.0

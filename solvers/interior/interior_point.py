@@ -143,9 +143,9 @@ class _Iterate:
             return None
         dr = self._solve()
         if not has_large_lag and np.isfinite(dr).all():
-            part = min(1.0, self._longest_step(dr))
-            tau_ratio = max(self._tau_at(dr, part) / tau, 0.0) if tau > 0.0 else 0.0
-            sigma = CENTRING * min(1.0, tau_ratio ** max(1.0, 3.0 * part**2))
+            fraction = min(1.0, self._longest_step(dr))
+            tau_ratio = max(self._tau_at(dr, fraction) / tau, 0.0) if tau > 0.0 else 0.0
+            sigma = CENTRING * min(1.0, tau_ratio ** max(1.0, 3.0 * fraction**2))
             if sigma < SECOND_ORDER:
                 cones.write_second_order(self._kind, self._friction, dr, self._du, self._ds, self._second)
             self._linearise(sigma * tau)
@@ -173,9 +173,9 @@ class _Iterate:
             cones.longest_steps(self._kind, self._friction, self._p, self._q, self._r, self._u, dr, self._du, self._ds)
         )
 
-    def _tau_at(self, dr: FloatArray, part: float) -> float:
-        """Return τ after ``part`` of a step."""
-        r, u, s = self._r + part * dr, self._u + part * self._du, self._s + part * self._ds
+    def _tau_at(self, dr: FloatArray, fraction: float) -> float:
+        """Return τ after a step of length ``fraction``."""
+        r, u, s = self._r + fraction * dr, self._u + fraction * self._du, self._s + fraction * self._ds
         p, q = np.empty_like(r), np.empty_like(u)
         cones.write_pairs(self._kind, self._scaled.bounds(r), r, u, s, p, q)
         return float(cones.complementarity(self._kind, p, q, r, u)[0])

@@ -85,10 +85,10 @@ class Progress:
             self.end(Status.STALLED, f"the Newton system is singular at residual {self.best_residual:.1e}")
         return is_factorised
 
-    def record(self, impulses: FloatArray, residual: float, part: float = 1.0) -> None:
-        """Count a step of length ``part`` that led to Λ with this residual in the judge's arithmetic."""
+    def record(self, impulses: FloatArray, residual: float, fraction: float = 1.0) -> None:
+        """Count a step of length ``fraction`` that led to Λ with this residual in the judge's arithmetic."""
         self._iteration += 1
-        is_short = part < self._shortest if self._shortest > 0.0 else np.array_equal(impulses, self._latest)
+        is_short = fraction < self._shortest if self._shortest > 0.0 else np.array_equal(impulses, self._latest)
         self._latest = impulses
         self._step_seconds = self._clock.elapsed - self._step_start
         self._clock.show(self._observe, self._iteration, impulses)

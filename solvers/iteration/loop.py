@@ -240,9 +240,9 @@ def check_rounding_limit(problem: ContactProblem, residual: Residual, driver: It
         if monitor.clock.reached_limit(monitor.stop, driver.iteration):
             return None
         driver.run(1)
-        impulses, before = driver.iterates.impulses(), monitor.best_residual
+        impulses, previous_residual = driver.iterates.impulses(), monitor.best_residual
         monitor.check_convergence(driver.iteration, residual.judged(problem, impulses), impulses)
-        n_unimproved = 0 if monitor.best_residual < BETTER_RATIO * before else n_unimproved + 1
+        n_unimproved = 0 if monitor.best_residual < BETTER_RATIO * previous_residual else n_unimproved + 1
     if monitor.best_residual <= tolerance:
         return Outcome(Status.SOLVED, "")
     if _is_rounding(residual, monitor.best_impulses, monitor):

@@ -62,8 +62,8 @@ class MeasuredMomentum:
         if sweeps - begin < window or self._best <= 0.0:
             return
         rate = log(best / self._best) / (sweeps - begin)
-        before, self._rate_before = self._rate_before, None
-        if before is not None and rate <= MIN_RATIO * before:
+        rate_before, self._rate_before = self._rate_before, None
+        if rate_before is not None and rate <= MIN_RATIO * rate_before:
             self._memory, self._pause = FIRST_MEMORY, GROWTH * self._pause
         elif rate * MEMORIES_PER_WINDOW * self._memory < 1.0 and self._memory < MAX_MEMORY:
             self._rate_before, self._memory = rate, min(GROWTH * self._memory, MAX_MEMORY)

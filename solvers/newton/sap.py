@@ -126,9 +126,9 @@ def _steps(springs: _Springs, start: FloatArray) -> Iterator[FloatArray]:
 
 def _step_fraction(springs: _Springs, w: FloatArray, gradient: FloatArray, step: FloatArray) -> float:
     """Return the first fraction 1, ½, ¼, … of a step that decreases ℓ sufficiently, or 0 if there is none."""
-    slope, before, fraction = float(gradient @ step), springs.value(w), 1.0
+    slope, old_value, fraction = float(gradient @ step), springs.value(w), 1.0
     while fraction >= MIN_STEP:
-        if springs.value(w + fraction * step) <= before + SUFFICIENT_DECREASE * fraction * slope:
+        if springs.value(w + fraction * step) <= old_value + SUFFICIENT_DECREASE * fraction * slope:
             return fraction
         fraction *= 0.5
     return 0.0

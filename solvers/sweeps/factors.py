@@ -171,8 +171,8 @@ def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:
 
     The axes are a tuple of known length, so that the compiler unrolls loops over it.
     """
-    firsts = (pieces.length * pieces.chunks).astype(np.uint64)
-    return tuple(np.arange(pieces.length, dtype=np.uint64)), firsts, pieces.values.reshape(-1)
+    first_dofs = (pieces.length * pieces.chunks).astype(np.uint64)
+    return tuple(np.arange(pieces.length, dtype=np.uint64)), first_dofs, pieces.values.reshape(-1)
 
 
 @njit(cache=True)
@@ -202,14 +202,14 @@ def _product(width, starts, chunks, pieces, free_velocity, scaled, relative_velo
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product_spatial_pairs(axes, firsts, pieces, free_velocity, scaled, relative_velocity):  # type: ignore[no-untyped-def]
+def _product_spatial_pairs(axes, first_dofs, pieces, free_velocity, scaled, relative_velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for spatial contacts between two bodies, or one body and the ground."""
     one, two, three, length = uint64(1), uint64(2), uint64(3), uint64(len(axes))
-    for i in range(uint64(len(firsts)) // two):
+    for i in range(uint64(len(first_dofs)) // two):
         k = three * i
         normal, first, second = free_velocity[k], free_velocity[k + one], free_velocity[k + two]
         for body in range(two):
-            begin, piece_start = firsts[two * i + body], three * length * (two * i + body)
+            begin, piece_start = first_dofs[two * i + body], three * length * (two * i + body)
             for x in range(length):
                 v = scaled[begin + x]
                 normal += pieces[piece_start + x] * v
@@ -268,14 +268,25 @@ def _sweep(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath={"contract"})
 def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
-    count, axes, firsts, pieces, free_velocity, step_sizes, friction, fixed_bound, partner, coupling, impulses, scaled
+    count,
+    axes,
+    first_dofs,
+    pieces,
+    free_velocity,
+    step_sizes,
+    friction,
+    fixed_bound,
+    partner,
+    coupling,
+    impulses,
+    scaled,
 ):
     """Sweep over spatial contacts between two bodies, or one body and the ground."""
     one, two, length = uint64(1), uint64(2), uint64(len(axes))
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k, piece_start = uint64(3) * i, uint64(6) * length * i
-            a, b = firsts[two * i], firsts[two * i + one]
+            a, b = first_dofs[two * i], first_dofs[two * i + one]
             normal, first, second = free_velocity[k], free_velocity[k + one], free_velocity[k + two]
             normal_a, first_a, second_a = 0.0, 0.0, 0.0
             for x in range(length):

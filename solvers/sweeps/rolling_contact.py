@@ -94,12 +94,12 @@ def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
             _linearise(g, q, sliding, laws, alpha, x, xi, system)
             if not _solve_linear_system(system):
                 break
-            fraction, before = 1.0, violation
+            fraction, old_violation = 1.0, violation
             while True:
                 for k in range(d):
                     trial[k] = x[k] + fraction * system[k, d]
                 violation = _violation(g, q, sliding, laws, alpha, trial, xi)
-                if violation < (1.0 - 1e-4 * fraction) * before or fraction <= MIN_STEP:
+                if violation < (1.0 - 1e-4 * fraction) * old_violation or fraction <= MIN_STEP:
                     break
                 fraction *= 0.5
             x[:] = trial

@@ -73,8 +73,8 @@ def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArra
     assert contacts is not None
     directions = contacts.directions
     assert isinstance(directions, sp.csc_array)  # true for all systems with joints
-    numbers = contacts.keys - first_key
-    owners = np.where(numbers < n_joints, numbers, (numbers - n_joints) // 2)
+    row_numbers = contacts.keys - first_key
+    owners = np.where(row_numbers < n_joints, row_numbers, (row_numbers - n_joints) // 2)
     columns = np.repeat(np.arange(directions.shape[1]), np.diff(directions.indptr))
     joint_numbers = contacts.for_rows(owners)[columns]
     body_numbers, axes = np.divmod(directions.indices, 6)

@@ -62,8 +62,8 @@ class Comparison:
         return f"<Comparison of {self.before.info.run_id} and {self.after.info.run_id}: {self.verdict}>"
 
     def _repr_html_(self) -> str:
-        heads = {"solver": "solver", "problems": "problems", "ratio": "time ratio", "low": "low", "high": "high"}
-        table = self.solvers[list(heads)].rename(columns=heads)
+        headings = {"solver": "solver", "problems": "problems", "ratio": "time ratio", "low": "low", "high": "high"}
+        table = self.solvers[list(headings)].rename(columns=headings)
         return (
             f"<h4>{escape(self.before.info.run_id)} and {escape(self.after.info.run_id)}</h4>"
             f"<p>{escape(self.verdict)}</p>"

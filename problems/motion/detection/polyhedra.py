@@ -84,7 +84,7 @@ def pack_polyhedra(shapes: tuple[object, ...]) -> PackedPolyhedra:
         edges += shape_edges
         for name, items in (("vertex", vertices), ("face", normals), ("edge", edges), ("direction", directions)):
             starts[name].append(len(items))
-    start = {name: np.array(numbers, dtype=np.int64) for name, numbers in starts.items()}
+    start = {name: np.array(indices, dtype=np.int64) for name, indices in starts.items()}
     return PackedPolyhedra(
         np.array(vertices, dtype=np.float64).reshape(-1, 3),
         start["vertex"],
@@ -135,9 +135,9 @@ def find_polyhedra(
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
     """
-    keys, numbers = np.empty((MAX_CONTACTS * len(pairs), 3), dtype=np.int64), np.empty((MAX_CONTACTS * len(pairs), 7))
-    count = _write_contacts(pairs, centres, rotations, pack_polyhedra(shapes), margin, keys, numbers)
-    return keys[:count], numbers[:count]
+    keys, geometry = np.empty((MAX_CONTACTS * len(pairs), 3), dtype=np.int64), np.empty((MAX_CONTACTS * len(pairs), 7))
+    count = _write_contacts(pairs, centres, rotations, pack_polyhedra(shapes), margin, keys, geometry)
+    return keys[:count], geometry[:count]
 
 
 @njit(cache=True)
@@ -163,7 +163,7 @@ def _lowest(points, direction):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _write_contacts(pairs, centres, rotations, packed, margin, keys, numbers):  # type: ignore[no-untyped-def]
+def _write_contacts(pairs, centres, rotations, packed, margin, keys, geometry):  # type: ignore[no-untyped-def]
     """Write the contacts of all pairs; return their number."""
     count, origin = 0, np.zeros(3)
     for k in range(len(pairs)):
@@ -171,14 +171,14 @@ def _write_contacts(pairs, centres, rotations, packed, margin, keys, numbers):  
         begin = count
         corners_i = _world_points(packed.vertices, packed.vertex_start, i, centres[i], rotations[i])
         if packed.face_start[j] == packed.face_start[j + 1]:
-            count = _polyhedron_on_plane(corners_i, centres[j], rotations[j], margin, keys, numbers, count)
+            count = _polyhedron_on_plane(corners_i, centres[j], rotations[j], margin, keys, geometry, count)
         else:
             corners_j = _world_points(packed.vertices, packed.vertex_start, j, centres[j], rotations[j])
             normals_i = _world_points(packed.normals, packed.face_start, i, origin, rotations[i])
             normals_j = _world_points(packed.normals, packed.face_start, j, origin, rotations[j])
             bodies = corners_i, normals_i, corners_j, normals_j
             count = _polyhedron_on_polyhedron(
-                packed, i, j, *bodies, centres[j] - centres[i], margin, keys, numbers, count
+                packed, i, j, *bodies, centres[j] - centres[i], margin, keys, geometry, count
             )
         for c in range(begin, count):
             keys[c, 0], keys[c, 1] = i, j
@@ -186,28 +186,28 @@ def _write_contacts(pairs, centres, rotations, packed, margin, keys, numbers):  
 
 
 @njit(cache=True)
-def _write(keys, numbers, count, feature, point, normal, gap):  # type: ignore[no-untyped-def]
+def _write(keys, geometry, count, feature, point, normal, gap):  # type: ignore[no-untyped-def]
     keys[count, 2] = feature
     for axis in range(3):
-        numbers[count, axis] = point[axis]
-        numbers[count, 3 + axis] = normal[axis]
-    numbers[count, 6] = gap
+        geometry[count, axis] = point[axis]
+        geometry[count, 3 + axis] = normal[axis]
+    geometry[count, 6] = gap
     return count + 1
 
 
 @njit(cache=True)
-def _polyhedron_on_plane(corners, centre, rotation, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _polyhedron_on_plane(corners, centre, rotation, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     normal = np.ascontiguousarray(rotation[:, 2])
     for k in range(len(corners)):
         gap = dot(corners[k] - centre, normal)
         if gap < margin:
-            count = _write(keys, numbers, count, k, corners[k] - 0.5 * gap * normal, normal, gap)
+            count = _write(keys, geometry, count, k, corners[k] - 0.5 * gap * normal, normal, gap)
     return count
 
 
 @njit(cache=True)
 def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
-    packed, i, j, corners_i, normals_i, corners_j, normals_j, offset, margin, keys, numbers, count
+    packed, i, j, corners_i, normals_i, corners_j, normals_j, offset, margin, keys, geometry, count
 ):
     """Write the contacts of two polyhedra; at equal separation, faces precede edges, and body ``i`` precedes ``j``."""
     size = np.sqrt(dot(offset, offset))
@@ -240,11 +240,11 @@ def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
                 best, edge = distance, packed.directions[a]
                 best_axis[:] = axis
     if edge >= 0:
-        return _write_edge_contact(packed, i, j, corners_i, corners_j, best_axis, best, keys, numbers, count)
+        return _write_edge_contact(packed, i, j, corners_i, corners_j, best_axis, best, keys, geometry, count)
     first, second = (corners_i, normals_i), (corners_j, normals_j)
     if best_face < n_i:
-        return _write_face_contacts(packed, i, j, *first, *second, best_face, -1.0, margin, keys, numbers, count)
-    return _write_face_contacts(packed, j, i, *second, *first, best_face - n_i, 1.0, margin, keys, numbers, count)
+        return _write_face_contacts(packed, i, j, *first, *second, best_face, -1.0, margin, keys, geometry, count)
+    return _write_face_contacts(packed, j, i, *second, *first, best_face - n_i, 1.0, margin, keys, geometry, count)
 
 
 @njit(cache=True)
@@ -256,7 +256,7 @@ def _along(packed, body, corners, edge):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _write_face_contacts(  # type: ignore[no-untyped-def]
-    packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, numbers, count
+    packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, geometry, count
 ):
     """Write the contacts of a face of body ``r`` with the opposing face of body ``o``, clipped by its sides."""
     normal, facing, least_cosine = normals_r[face], 0, np.inf
@@ -285,12 +285,12 @@ def _write_face_contacts(  # type: ignore[no-untyped-def]
         gap = dot(polygon[k] - base, normal)
         if gap < margin:
             feature = (number * EDGE_NUMBERS + edges[k - 1 if k else n - 1]) * EDGE_NUMBERS + edges[k]
-            count = _write(keys, numbers, count, feature, polygon[k] - 0.5 * gap * normal, sign * normal, gap)
+            count = _write(keys, geometry, count, feature, polygon[k] - 0.5 * gap * normal, sign * normal, gap)
     return count
 
 
 @njit(cache=True)
-def _write_edge_contact(packed, i, j, corners_i, corners_j, axis, gap, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_edge_contact(packed, i, j, corners_i, corners_j, axis, gap, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contact of the edge of ``i`` farthest along ``axis`` with the edge of ``j`` farthest against it."""
     a = _outermost(packed, i, corners_i, axis)
     b = _outermost(packed, j, corners_j, -axis)
@@ -302,7 +302,7 @@ def _write_edge_contact(packed, i, j, corners_i, corners_j, axis, gap, keys, num
     middle = 0.5 * (on_i + shift_i * along_i + on_j + shift_j * along_j)
     n_edges = packed.edge_start[j + 1] - packed.edge_start[j]
     feature = FACE_FEATURES + (a - packed.edge_start[i]) * n_edges + (b - packed.edge_start[j])
-    return _write(keys, numbers, count, feature, middle, -axis, gap)
+    return _write(keys, geometry, count, feature, middle, -axis, gap)
 
 
 @njit(cache=True)

@@ -70,20 +70,20 @@ def find_round(
     """
     capacity = MAX_CONTACTS * max(len(pairs), 1)
     while True:
-        keys, numbers = np.empty((capacity, 3), dtype=np.int64), np.empty((capacity, 7))
-        count = _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers)
+        keys, geometry = np.empty((capacity, 3), dtype=np.int64), np.empty((capacity, 7))
+        count = _find(shapes, packed, centres, rotations, pairs, margin, keys, geometry)
         if count <= capacity:
-            return keys[:count], numbers[:count]
+            return keys[:count], geometry[:count]
         capacity = count
 
 
 @njit(cache=True)
-def write_contact(keys, numbers, count, feature, surface, normal, sign, gap):  # type: ignore[no-untyped-def]
+def write_contact(keys, geometry, count, feature, surface, normal, sign, gap):  # type: ignore[no-untyped-def]
     """Write a contact if the arrays have room for it; return the number of contacts, this one included.
 
     Args:
         keys: (first, second, feature) of contacts, filled here with the feature.
-        numbers: (point, normal, gap) of contacts.
+        geometry: (point, normal, gap) of contacts.
         count: number of contacts so far.
         feature: part of the pair that touches.
         surface: point on the surface of the body from which ``normal`` points outwards.
@@ -94,9 +94,9 @@ def write_contact(keys, numbers, count, feature, surface, normal, sign, gap):  #
     if count < len(keys):
         keys[count, 2] = feature
         for axis in range(3):
-            numbers[count, axis] = surface[axis] + 0.5 * gap * normal[axis]
-            numbers[count, 3 + axis] = sign * normal[axis]
-        numbers[count, 6] = gap
+            geometry[count, axis] = surface[axis] + 0.5 * gap * normal[axis]
+            geometry[count, 3 + axis] = sign * normal[axis]
+        geometry[count, 6] = gap
     return count + 1
 
 
@@ -111,7 +111,7 @@ def ends_of(centre, rotation, half):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # type: ignore[no-untyped-def]
+def _find(shapes, packed, centres, rotations, pairs, margin, keys, geometry):  # type: ignore[no-untyped-def]
     count: Any = np.int64(0)  # with a literal, numba would compile the called functions twice
     for k in range(len(pairs)):
         i, j = pairs[k]
@@ -126,18 +126,18 @@ def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # 
                 height = dot(ends[end] - centres[j], normal)
                 if height - radius < margin:
                     foot = ends[end] - height * normal
-                    count = write_contact(keys, numbers, count, end, foot, normal, sign, height - radius)
+                    count = write_contact(keys, geometry, count, end, foot, normal, sign, height - radius)
         elif shapes.kind[j] == SEGMENT:
             other_ends = ends_of(centres[j], rotations[j], shapes.half[j])
             bodies = ends, half, radius, other_ends, shapes.half[j], shapes.radius[j]
-            count = _write_segment_contacts(*bodies, margin, keys, numbers, count)
+            count = _write_segment_contacts(*bodies, margin, keys, geometry, count)
         else:
             for end in range(2):
                 ends[end] = np.dot(rotations[j].T, ends[end] - centres[j])
-            count = _write_polyhedron_contacts(packed, j, ends, half, radius, sign, margin, keys, numbers, count)
+            count = _write_polyhedron_contacts(packed, j, ends, half, radius, sign, margin, keys, geometry, count)
             for c in range(begin, min(count, len(keys))):  # from the axes of the polyhedron to those of the world
-                numbers[c, :3] = np.dot(rotations[j], numbers[c, :3]) + centres[j]
-                numbers[c, 3:6] = np.dot(rotations[j], numbers[c, 3:6])
+                geometry[c, :3] = np.dot(rotations[j], geometry[c, :3]) + centres[j]
+                geometry[c, 3:6] = np.dot(rotations[j], geometry[c, 3:6])
         for c in range(begin, min(count, len(keys))):
             keys[c, 0], keys[c, 1] = pairs[k]
     return count
@@ -173,7 +173,7 @@ def is_between(fraction, half):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _write_ball_contact(keys, numbers, count, feature, x, r_x, y, r_y, fallback, margin):  # type: ignore[no-untyped-def]
+def _write_ball_contact(keys, geometry, count, feature, x, r_x, y, r_y, fallback, margin):  # type: ignore[no-untyped-def]
     """Write the contact of balls with centres x (first body) and y if they are close; use ``fallback`` if x = y."""
     normal = x - y
     distance = np.sqrt(dot(normal, normal))
@@ -183,11 +183,11 @@ def _write_ball_contact(keys, numbers, count, feature, x, r_x, y, r_y, fallback,
         normal /= distance
     else:
         normal[:] = fallback
-    return write_contact(keys, numbers, count, feature, y + r_y * normal, normal, 1.0, distance - r_x - r_y)
+    return write_contact(keys, geometry, count, feature, y + r_y * normal, normal, 1.0, distance - r_x - r_y)
 
 
 @njit(cache=True)
-def _write_segment_contacts(p, half_p, r_p, q, half_q, r_q, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_segment_contacts(p, half_p, r_p, q, half_q, r_q, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contacts of two segments with radii: of each end with the other segment, and between the ends.
 
     Two ends are in contact if each end is the point of its segment nearest to the other end.
@@ -202,19 +202,19 @@ def _write_segment_contacts(p, half_p, r_p, q, half_q, r_q, margin, keys, number
         t = nearest_on_segment(p[end], q[0], q[1])
         other = q[0] + t * (q[1] - q[0])
         if is_between(t, half_q) or nearest_on_segment(other, p[0], p[1]) == end:
-            count = _write_ball_contact(keys, numbers, count, end, p[end], r_p, other, r_q, fallback, margin)
+            count = _write_ball_contact(keys, geometry, count, end, p[end], r_p, other, r_q, fallback, margin)
     for end in range(2 if half_q > 0.0 else 1):
         s = nearest_on_segment(q[end], p[0], p[1])
         if is_between(s, half_p):
             other = p[0] + s * (p[1] - p[0])
-            count = _write_ball_contact(keys, numbers, count, 2 + end, other, r_p, q[end], r_q, fallback, margin)
+            count = _write_ball_contact(keys, geometry, count, 2 + end, other, r_p, q[end], r_q, fallback, margin)
     if half_p == 0.0:
         return count
     if half_q > 0.0:
         s, t = nearest_inside(p[0], p[1], q[0], q[1])
         if s >= 0.0:
             x, y = p[0] + s * (p[1] - p[0]), q[0] + t * (q[1] - q[0])
-            count = _write_ball_contact(keys, numbers, count, CROSSING, x, r_p, y, r_q, fallback, margin)
+            count = _write_ball_contact(keys, geometry, count, CROSSING, x, r_p, y, r_q, fallback, margin)
     return count
 
 
@@ -279,7 +279,7 @@ def _nearest_on_face(packed, body, face, point, height):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contacts of a segment with a radius on a polyhedron, all in the axes of the polyhedron."""
     corners, edges = packed.vertex_start[body], packed.edge_start[body]
     n_corners, n_edges = packed.vertex_start[body + 1] - corners, packed.edge_start[body + 1] - edges
@@ -290,13 +290,15 @@ def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, k
             point = ends[0] + (finish if end else begin) * (ends[1] - ends[0])
             height = _height(packed, body, exit_face, point)
             feature = 2 + n_edges + n_corners + end
-            count = write_contact(keys, numbers, count, feature, point - height * normal, normal, sign, height - radius)
+            count = write_contact(
+                keys, geometry, count, feature, point - height * normal, normal, sign, height - radius
+            )
         return count
     foot, normal = np.empty(3), np.empty(3)
     for end in range(2 if half > 0.0 else 1):
         distance = nearest_on_polyhedron(packed, body, ends[end], foot, normal)
         if distance - radius < margin:
-            count = write_contact(keys, numbers, count, end, foot, normal, sign, distance - radius)
+            count = write_contact(keys, geometry, count, end, foot, normal, sign, distance - radius)
     if half == 0.0:
         return count
     for k in range(n_edges + n_corners):
@@ -318,7 +320,7 @@ def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, k
         nearest_distance = nearest_on_polyhedron(packed, body, point, foot, normal)
         # if ``nearest_distance`` is smaller, the edge or corner faces away from the segment
         if nearest_distance >= distance - DISTANCE_TOLERANCE * (radius + half):
-            count = write_contact(keys, numbers, count, 2 + k, part_point, offset / distance, sign, distance - radius)
+            count = write_contact(keys, geometry, count, 2 + k, part_point, offset / distance, sign, distance - radius)
     return count
 
 

@@ -126,10 +126,10 @@ def _laws_of(laws, k):  # type: ignore[no-untyped-def]
     a, b = law_starts[k], law_starts[k + 1]
     c, d = row_starts[k], row_starts[k + 1]
     e, f = block_starts[k], block_starts[k + 1]
-    kinds, counts, firsts, partners = sets[a:b], row_count[a:b], first_row[a:b], partner_law[a:b]
-    preparation = (kinds, counts, is_rolling[a:b], firsts, partners, slot[c:d], contacts[c:d], partner[e:f])
+    kinds, counts, first_rows, partners = sets[a:b], row_count[a:b], first_row[a:b], partner_law[a:b]
+    preparation = (kinds, counts, is_rolling[a:b], first_rows, partners, slot[c:d], contacts[c:d], partner[e:f])
     block_arrays = (friction[e:f], fixed_bound[e:f], partner_lanes[e:f])
-    return preparation, (*block_arrays, kinds, counts, firsts, mu[a:b], bounds[a:b], partners)
+    return preparation, (*block_arrays, kinds, counts, first_rows, mu[a:b], bounds[a:b], partners)
 
 
 @njit(cache=True, error_model="numpy")
@@ -153,11 +153,13 @@ def _judge(prepared, laws, impulses, velocity, rounding):  # type: ignore[no-unt
     _, _, scale, _, lanes, store = prepared
     friction, _, _, sets, row_count, first_row, mu, bounds, partner_law = laws
     width = len(impulses) // len(friction)
-    _, _, _, numbers, _ = cut_store(store, len(lanes) * width * width, len(impulses), len(friction), len(sets))
-    largest = write_squared_violations(sets, row_count, first_row, mu, bounds, partner_law, numbers, impulses, velocity)
+    _, _, _, law_values, _ = cut_store(store, len(lanes) * width * width, len(impulses), len(friction), len(sets))
+    largest = write_squared_violations(
+        sets, row_count, first_row, mu, bounds, partner_law, law_values, impulses, velocity
+    )
     for law in range(len(sets)):
         law_rounding = 0.0
         for row in range(first_row[law], first_row[law] + row_count[law]):
             law_rounding += rounding[row]
-        largest = max(largest, numbers[3, law] * numbers[1, law] * law_rounding)
+        largest = max(largest, law_values[3, law] * law_values[1, law] * law_rounding)
     return largest / scale

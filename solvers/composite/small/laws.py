@@ -66,16 +66,16 @@ def _lay_out_contacts(kind, partner_law, mu, fixed_bound):  # type: ignore[no-un
         sets[law], row_count[law] = SET_OF_KIND[kind[law]], ROWS_OF_KIND[kind[law]]
         is_rolling[law] = kind[law] >= _FIRST_ROLLING
         n_rows += row_count[law]
-    slot, numbers, bounds = (
+    slot, indices, bounds = (
         np.empty(n_rows, dtype=np.int64),
         np.empty((5, n_laws), dtype=np.int64),
         np.empty((4, n_laws)),
     )
     is_bilateral = np.empty(n_laws, dtype=np.bool_)
     laws = (sets, row_count, is_rolling, partner_law, mu, fixed_bound)
-    sliding, width, n_blocks, n_joints = write_layout(*laws, slot, numbers, bounds, is_bilateral)
+    sliding, width, n_blocks, n_joints = write_layout(*laws, slot, indices, bounds, is_bilateral)
     are_equal_contacts = width == 1 + sliding and n_joints == 0 and n_rows == width * n_blocks
-    partner, partner_lanes = numbers[3, :n_blocks], np.empty(n_blocks, dtype=np.uint64)
+    partner, partner_lanes = indices[3, :n_blocks], np.empty(n_blocks, dtype=np.uint64)
     for b in range(n_blocks):
         partner_lanes[b] = width * partner[b]
     friction, block_fixed_bound = bounds[0, :n_blocks], bounds[1, :n_blocks]

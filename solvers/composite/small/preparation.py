@@ -16,7 +16,7 @@ from ..sweep_selection import FACTORS_READ_RATIO_ON_FEW_ROWS, RELAXATION, count_
 NEEDS_OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
 """Kinds of coupling: coupled contacts on which other sweeps are faster, uncoupled contacts, other coupled contacts."""
 
-ROWS_OF_NUMBERS = 5
+ROWS_OF_LAW_VALUES = 5
 """Number of rows of the array from which the residual is computed, as in ``Residual``."""
 
 N_WORK = 6
@@ -127,8 +127,8 @@ def _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot)
     sets, row_count, is_rolling, first_row, partner_law = laws
     n_rows, n_blocks, n_laws = len(free_velocity), len(component), len(sets)
     width = n_rows // n_blocks
-    n_values, n_step_sizes, n_numbers = values.size, 2 * n_blocks, ROWS_OF_NUMBERS * n_laws
-    store = np.empty(n_values + n_step_sizes + n_rows + n_numbers + N_WORK * n_rows)
+    n_values, n_step_sizes, n_law_values = values.size, 2 * n_blocks, ROWS_OF_LAW_VALUES * n_laws
+    store = np.empty(n_values + n_step_sizes + n_rows + n_law_values + N_WORK * n_rows)
     store[:n_values] = values.reshape(-1)
     offset = n_values
     step_sizes = store[offset : offset + n_step_sizes].reshape(n_blocks, 2)
@@ -137,7 +137,7 @@ def _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot)
     offset += n_step_sizes
     store[offset : offset + n_rows] = diagonal
     offset += n_rows
-    numbers = store[offset : offset + n_numbers].reshape(ROWS_OF_NUMBERS, n_laws)
+    law_values = store[offset : offset + n_law_values].reshape(ROWS_OF_LAW_VALUES, n_laws)
     law_arrays = (sets, row_count, is_rolling, first_row, partner_law)
-    stuck, scale = write_scales_and_ratios(*law_arrays, diagonal, free_velocity, component, slot, width, numbers)
+    stuck, scale = write_scales_and_ratios(*law_arrays, diagonal, free_velocity, component, slot, width, law_values)
     return coupling, stuck, scale, starts.view(np.uint64), (width * columns).astype(np.uint32), store

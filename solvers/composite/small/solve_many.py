@@ -119,8 +119,8 @@ class Batch(NamedTuple):
         outcomes, iterations = np.empty((2, n_problems), dtype=np.int64)
         limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS)
 
-        def solve_range(part: tuple[int, int]) -> None:
-            self.kernel(*part, *self.arguments, *limits, impulses, outcomes, iterations, residuals)
+        def solve_range(bounds: tuple[int, int]) -> None:
+            self.kernel(*bounds, *self.arguments, *limits, impulses, outcomes, iterations, residuals)
 
         if threads == 1:
             solve_range((0, n_problems))
@@ -128,8 +128,8 @@ class Batch(NamedTuple):
             parts = np.linspace(0, n_problems, PARTS_PER_THREAD * threads + 1).astype(int).tolist()
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(solve_range, pairwise(parts)))
-        numbers = zip(self.indices, outcomes.tolist(), iterations.tolist(), residuals.tolist(), strict=True)
-        for (index, outcome, count, residual), (begin, end) in zip(numbers, pairwise(self.rows), strict=True):
+        results = zip(self.indices, outcomes.tolist(), iterations.tolist(), residuals.tolist(), strict=True)
+        for (index, outcome, count, residual), (begin, end) in zip(results, pairwise(self.rows), strict=True):
             if outcome != NOT_SOLVED:
                 message = COUPLED_MESSAGE if outcome == COUPLED else UNCOUPLED_MESSAGE
                 yield index, Solution(impulses[begin:end].copy(), Status.SOLVED, count, message), residual
@@ -180,11 +180,11 @@ class _Members:
         self.problems: list[ContactProblem] = []
         self._laws: dict[int, LawArguments] = {}
         self._law_of_problem: list[int] = []
-        self._numbers: dict[int, int] = {}
+        self._law_numbers: dict[int, int] = {}
 
     def add(self, index: int, problem: ContactProblem, laws: LawArguments) -> None:
         """Add a problem with its index among all problems, and its laws."""
-        number = self._numbers.setdefault(id(laws), len(self._numbers))
+        number = self._law_numbers.setdefault(id(laws), len(self._law_numbers))
         self._laws[number] = laws
         self.indices.append(index)
         self.problems.append(problem)

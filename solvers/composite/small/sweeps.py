@@ -26,7 +26,7 @@ from ...sweeps.delassus import (
 )
 from ...sweeps.safeguarded import INTERVALS, reduce_opposed_steps
 from ..windows import SHORT_WINDOW
-from .preparation import N_WORK, ROWS_OF_NUMBERS
+from .preparation import N_WORK, ROWS_OF_LAW_VALUES
 
 FIRST_INTERVAL, LAST_INTERVAL = INTERVALS[0], len(INTERVALS) - 1
 """Number of sweeps in the first interval of ``SafeguardedSORprox``, and index of its last interval."""
@@ -40,10 +40,10 @@ def cut_store(store, n_values, n_rows, n_blocks, n_laws):  # type: ignore[no-unt
     """Return the parts of the array that ``preparation`` fills: blocks, step sizes, diagonal, residual, work space."""
     step_sizes_end = n_values + 2 * n_blocks
     diagonal_end = step_sizes_end + n_rows
-    numbers_end = diagonal_end + ROWS_OF_NUMBERS * n_laws
+    law_values_end = diagonal_end + ROWS_OF_LAW_VALUES * n_laws
     values, step_sizes, diagonal = store[:n_values], store[n_values:step_sizes_end], store[step_sizes_end:diagonal_end]
-    numbers = store[diagonal_end:numbers_end].reshape(ROWS_OF_NUMBERS, n_laws)
-    return values, step_sizes, diagonal, numbers, store[numbers_end:].reshape(N_WORK, n_rows)
+    law_values = store[diagonal_end:law_values_end].reshape(ROWS_OF_LAW_VALUES, n_laws)
+    return values, step_sizes, diagonal, law_values, store[law_values_end:].reshape(N_WORK, n_rows)
 
 
 @njit(cache=True, error_model="numpy")
@@ -71,7 +71,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
     n_rows, n_blocks = len(free_velocity), len(friction)
     width = n_rows // n_blocks
     n_values = len(lanes) * width * width
-    values, step_sizes, diagonal, numbers, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
+    values, step_sizes, diagonal, law_values, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
     velocity, second_last, previous, fraction = work[0], work[1], work[2], work[3, :n_blocks]
     scaled = work[4:6].reshape(-1)[: 2 * n_blocks]
     fraction[:] = 1.0
@@ -81,7 +81,7 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
     while True:
         _write_velocity(width, starts, lanes, values, free_velocity, impulses, velocity)
         laws = (sets, row_count, first_row, mu, bounds, partner_law)
-        state, progress = _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity)
+        state, progress = _check(progress, iteration, tolerance, scale, laws, law_values, diagonal, impulses, velocity)
         if state != CONTINUE or iteration >= max_iterations:
             return state == SOLVED, iteration
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
@@ -131,14 +131,14 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
     n_rows, n_blocks = len(free_velocity), len(friction)
     width = n_rows // n_blocks
     n_values = len(lanes) * width * width
-    values, _, diagonal, numbers, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
+    values, _, diagonal, law_values, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
     velocity, relaxation = work[0], work[1, :n_blocks]
     relaxation[:] = 1.0
     progress, iteration = _begin_progress(), np.int64(0)
     while True:
         _write_velocity(width, starts, lanes, values, free_velocity, impulses, velocity)
         laws = (sets, row_count, first_row, mu, bounds, partner_law)
-        state, progress = _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity)
+        state, progress = _check(progress, iteration, tolerance, scale, laws, law_values, diagonal, impulses, velocity)
         if state != CONTINUE or iteration >= max_iterations:
             return state == SOLVED, iteration
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
@@ -159,18 +159,18 @@ def _begin_progress():  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity):  # type: ignore[no-untyped-def]
+def _check(progress, iteration, tolerance, scale, laws, law_values, diagonal, impulses, velocity):  # type: ignore[no-untyped-def]
     """Return the result of a check by the criteria of ``Monitor`` and ``Window``, and the progress so far."""
     best, first, n_stale_checks, window_begin, window_residual = progress
     sets, row_count, first_row, mu, bounds, partner_law = laws
     violation = write_squared_violations(
-        sets, row_count, first_row, mu, bounds, partner_law, numbers, impulses, velocity
+        sets, row_count, first_row, mu, bounds, partner_law, law_values, impulses, velocity
     )
     residual = 0.0 if violation == 0.0 else violation / scale
     if not residual < np.inf:
         return UNUSUAL, progress
     if residual <= tolerance:
-        largest_term = find_largest_held(row_count, first_row, numbers[3], numbers[1], diagonal, impulses)
+        largest_term = find_largest_held(row_count, first_row, law_values[3], law_values[1], diagonal, impulses)
         return (SOLVED if RESOLUTION * largest_term / scale <= tolerance else UNUSUAL), progress
     if iteration == 0:
         first, window_residual = max(residual, 1.0), residual

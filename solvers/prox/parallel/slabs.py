@@ -128,17 +128,17 @@ def _search_breadth_first(chunks, idle):  # type: ignore[no-untyped-def]
 def _visit(starts, neighbours, root, begin, level, levels, queue):  # type: ignore[no-untyped-def]
     """Write the levels of all bodies that are connected to ``root``, and queue them; return the end of the queue."""
     levels[root], queue[begin] = level, root
-    head, end = begin, begin + 1
-    while head < end:
-        body = queue[head]
+    queue_begin, queue_end = begin, begin + 1
+    while queue_begin < queue_end:
+        body = queue[queue_begin]
         for k in range(starts[body], starts[body + 1]):
             other = neighbours[k]
             if levels[other] < 0:
                 levels[other] = levels[body] + 1
-                queue[end] = other
-                end += 1
-        head += 1
-    return end
+                queue[queue_end] = other
+                queue_end += 1
+        queue_begin += 1
+    return queue_end
 
 
 @njit(cache=True)
