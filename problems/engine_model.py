@@ -259,10 +259,10 @@ def _decoding_of(combination: sp.csr_array[Any]) -> _Decoding:
         row[entry, long_columns] = columns.indices[starts[long_columns] + entry]
         weight[entry, long_columns] = columns.data[starts[long_columns] + entry]
     row[1, counts < 2] = -1
-    is_single = np.diff(combination.indptr)[row[0]] == 1
-    single = used[is_single[used]]
+    has_single_entry = np.diff(combination.indptr)[row[0]] == 1
+    single = used[has_single_entry[used]]
     by_normal: dict[int, list[int]] = {}
-    for column in used[~is_single[used]].tolist():
+    for column in used[~has_single_entry[used]].tolist():
         by_normal.setdefault(int(row[0, column]), []).append(column)
     by_size: dict[int, list[list[int]]] = {}
     for edges in by_normal.values():

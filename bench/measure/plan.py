@@ -12,7 +12,7 @@ from ...problems.exchange.families import Sampling
 from ...problems.representation import counted, html_table, names_or_number
 from ..errors import BenchError
 from ..plugins.descriptions import solver_spec
-from ..plugins.solver_specs import SolverSpec, warm
+from ..plugins.solver_specs import SolverSpec, warm_variant
 from ..store.plans import PlanRecord, RunSettings
 from .selection import Given, problem_name, require_unique, select, select_shard
 from .trajectories.methods import Method
@@ -121,7 +121,7 @@ def make_plan(
         raise BenchError("no solver is given; name at least one, or omit the solvers to measure the default ones.")
     specs = tuple(map(solver_spec, solvers or (SEQUENCE_SOLVERS if is_sequence_suite else DEFAULT_SOLVERS)))
     if is_sequence_suite:
-        specs = tuple(dict.fromkeys(variant for spec in specs for variant in (spec, warm(spec))))
+        specs = tuple(dict.fromkeys(variant for spec in specs for variant in (spec, warm_variant(spec))))
     names = [spec.name for spec in specs]
     require_unique("solver", names)
     record = PlanRecord(

@@ -132,8 +132,8 @@ def _summary(frame: pd.DataFrame) -> str:
         others += [f"{n_infinite} not finite"] if n_infinite else []
         rows.append([f"`{solver}`", counts.get(Outcome.SOLVED, 0), ", ".join(others)])
     table = markdown_table(["solver", "solved", "other outcomes"], rows)
-    is_bad = frame["outcome"].isin(BAD_OUTCOMES).any() or not frame["is_finite"].all()
-    return table if is_bad else f"{table}\n{_NONE_BAD}\n"
+    has_bad_outcome = frame["outcome"].isin(BAD_OUTCOMES).any() or not frame["is_finite"].all()
+    return table if has_bad_outcome else f"{table}\n{_NONE_BAD}\n"
 
 
 def _family_counts(frame: pd.DataFrame) -> str:

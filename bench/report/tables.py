@@ -230,10 +230,10 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
         fastest = {cell for cell, standing in standings.items() if standing == "fastest"}
         print_table(console, shown, left_aligned=("model", "ended"), optional=optional, bold=fastest)
         for row in rows.to_dict("records") if noted else ():
-            is_noted = row["outcome"] in noted
-            text = join_texts(row["reason"] if is_noted else "", row["notes"])
+            has_note = row["outcome"] in noted
+            text = join_texts(row["reason"] if has_note else "", row["notes"])
             if text:
-                note = f"{row['solver']}: {row['outcome']}, {text}" if is_noted else f"{row['solver']}: {text}"
+                note = f"{row['solver']}: {row['outcome']}, {text}" if has_note else f"{row['solver']}: {text}"
                 console.print(Text(wrap_note(note, console.width), style="dim"))
         console.print()
         if frames.is_study:

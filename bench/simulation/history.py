@@ -49,8 +49,8 @@ def extended(segments: tuple[Segment, ...], plan: SimulationPlan, first: int) ->
     A new segment begins only if the settings differ from those of the last segment.
     """
     new = planned_segment(plan, first)
-    is_same = bool(segments) and structs.replace(new, first=segments[-1].first) == segments[-1]
-    return segments if is_same else (*segments, new)
+    has_same_settings = bool(segments) and structs.replace(new, first=segments[-1].first) == segments[-1]
+    return segments if has_same_settings else (*segments, new)
 
 
 def check_segments(segments: Sequence[Segment], n_steps: int) -> None:

@@ -57,9 +57,9 @@ def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
     n_bodies, starts, bodies, contacts = _touched_bodies(problem)
     largest = values.copy()
     if problem.factors is None:
-        _largest_of_neighbours(starts, bodies, contacts, values, largest)
+        _write_largest_of_neighbours(starts, bodies, contacts, values, largest)
     else:
-        _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest)
+        _write_largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest)
     if not problem.layout.bounds_are_own:
         partner = problem.layout.partner
         np.maximum.at(largest, partner, values)
@@ -205,7 +205,7 @@ def _components(partner, n_bodies, starts, bodies, contacts):  # type: ignore[no
 
 @interpretable
 @njit(cache=True)
-def _largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
+def _write_largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
     """Write the largest value among each contact and those coupled with it, if only G is known."""
     for row in range(len(contacts)):
         for p in range(starts[row], starts[row + 1]):
@@ -215,7 +215,7 @@ def _largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: 
 
 @interpretable
 @njit(cache=True)
-def _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
+def _write_largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
     """Write the largest value among the contacts of the bodies of each contact, if the factors are known."""
     of_body = np.zeros(n_bodies)
     for row in range(len(contacts)):

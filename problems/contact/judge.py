@@ -273,9 +273,12 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
     layout, lanes, velocities = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
     friction, fixed_bound = layout.friction_coefficient, layout.fixed_bound
     if not layout.bounds_are_own:
-        is_own = layout.partner == np.arange(layout.n_blocks)
+        is_own_partner = layout.partner == np.arange(layout.n_blocks)
         remote_bound = friction * np.maximum(lanes[layout.partner, 0], 0.0)
-        friction, fixed_bound = np.where(is_own, friction, 0.0), fixed_bound + np.where(is_own, 0.0, remote_bound)
+        friction, fixed_bound = (
+            np.where(is_own_partner, friction, 0.0),
+            fixed_bound + np.where(is_own_partner, 0.0, remote_bound),
+        )
     tangent, rolling = velocities[:, 1 : 1 + layout.sliding], velocities[:, 1 + layout.sliding :]
     lift = friction * np.sqrt(_squares(tangent))
     if layout.rolling:

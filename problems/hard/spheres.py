@@ -48,7 +48,7 @@ def incline(friction: float, excess: float, compliance: float = 1.0) -> ContactP
     The critical angle θ satisfies tan θ = μ · compliance. Below it, a block stays and a sphere rolls. Above it, both
     slide, a block with the acceleration g (sin θ − μ cos θ).
     """
-    return _on_inclines(np.array([friction]), np.array([excess]), compliance)
+    return _spheres_on_inclines(np.array([friction]), np.array([excess]), compliance)
 
 
 def oblique_impacts(n: int, restitution: float, friction: float) -> ContactProblem:
@@ -75,10 +75,10 @@ def inclines(n: int, compliance: float = 1.0) -> ContactProblem:
 
     The inclines are 1e-9 rad below, at and above their critical angle in turn; see ``incline``.
     """
-    return _on_inclines(np.geomspace(0.05, 10.0, n), np.resize([-1e-9, 0.0, 1e-9], n), compliance)
+    return _spheres_on_inclines(np.geomspace(0.05, 10.0, n), np.resize([-1e-9, 0.0, 1e-9], n), compliance)
 
 
-def _on_inclines(friction: FloatArray, excess: FloatArray, compliance: float) -> ContactProblem:
+def _spheres_on_inclines(friction: FloatArray, excess: FloatArray, compliance: float) -> ContactProblem:
     slope = np.arctan(friction * compliance) + excess
     c = WEIGHT * np.column_stack([-np.cos(slope), np.sin(slope), np.zeros(len(slope))])
     return separate_contacts(c, friction, compliance)

@@ -151,9 +151,9 @@ def _n_pairs(pieces: Pieces) -> int:
     """Return the number of different sets of bodies that contacts touch, each identified by its first and last body."""
     block = np.repeat(np.arange(pieces.n_blocks), np.diff(pieces.starts))
     first, last = np.full(pieces.n_blocks, pieces.n_chunks), np.full(pieces.n_blocks, -1)
-    is_body = pieces.chunks < pieces.n_chunks
-    np.minimum.at(first, block[is_body], pieces.chunks[is_body])
-    np.maximum.at(last, block[is_body], pieces.chunks[is_body])
+    is_body_piece = pieces.chunks < pieces.n_chunks
+    np.minimum.at(first, block[is_body_piece], pieces.chunks[is_body_piece])
+    np.maximum.at(last, block[is_body_piece], pieces.chunks[is_body_piece])
     return len(np.unique(first * (pieces.n_chunks + 1) + last))
 
 

@@ -52,7 +52,7 @@ def determinant(x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def to_boundary(x, d0, d):  # type: ignore[no-untyped-def]
+def step_to_boundary(x, d0, d):  # type: ignore[no-untyped-def]
     """Return the smallest t > 0 with x + t(d₀, d̄) on the boundary of the cone, for x inside; inf if there is none."""
     length = tangential_length(d)
     a, half_b = (d0 - length) * (d0 + length), x[0] * d0 - dot_tangential(x, d)
@@ -198,8 +198,8 @@ def longest_steps(kind, friction, p, q, r, u, dr, du, ds):  # type: ignore[no-un
                 t = min(t, -u[i, 0] / du[i, 0])
         if kind[i] >= CONE:
             dp, dq = (dr[i, 0], du[i, 0]) if kind[i] == CONE else (friction[i] * dr[i, 0], ds[i])
-            t = min(t, to_boundary(p[i], dp, dr[i]))
-            t = min(t, to_boundary(q[i], dq, du[i]))
+            t = min(t, step_to_boundary(p[i], dp, dr[i]))
+            t = min(t, step_to_boundary(q[i], dq, du[i]))
         shortest = min(shortest, t)
     return shortest
 

@@ -57,8 +57,8 @@ class MeasuredMomentum:
         if best == np.inf:
             self._window_begin = sweeps, self._best
             return
-        is_first = self._memory == FIRST_MEMORY
-        window = MEMORIES_PER_WINDOW * self._memory * (self._pause if is_first else 1.0)
+        has_first_memory = self._memory == FIRST_MEMORY
+        window = MEMORIES_PER_WINDOW * self._memory * (self._pause if has_first_memory else 1.0)
         if sweeps - begin < window or self._best <= 0.0:
             return
         rate = log(best / self._best) / (sweeps - begin)

@@ -52,9 +52,9 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
 def _rows_of(laws: Laws) -> tuple[IntArray, list[int]]:
     """Return the row of the problem for each row of Kamino, and the number of laws in its four groups."""
     slides = laws.kind == LawKind.SPATIAL_FRICTION
-    is_alone = laws.is_unilateral.copy()
-    is_alone[laws.partner[slides]] = False
-    masks = laws.is_bilateral, laws.kind == LawKind.PLANAR_FRICTION, is_alone
+    is_frictionless = laws.is_unilateral.copy()
+    is_frictionless[laws.partner[slides]] = False
+    masks = laws.is_bilateral, laws.kind == LawKind.PLANAR_FRICTION, is_frictionless
     groups = [laws.first_row[mask] for mask in masks]
     tangent, normal = laws.first_row[slides], laws.first_row[laws.partner[slides]]
     contacts = np.stack([tangent, tangent + 1, normal], axis=1)

@@ -64,7 +64,7 @@ class AnyLawArrays(NamedTuple):
 
 
 @njit(cache=True, inline="always")
-def velocity_of_block(i, n_skipped, n_lanes, starts, lanes, values, free_velocity, impulses, xi):  # type: ignore[no-untyped-def]
+def write_velocity_of_block(i, n_skipped, n_lanes, starts, lanes, values, free_velocity, impulses, xi):  # type: ignore[no-untyped-def]
     """Write ξ of the lanes of block i from G in block rows, without the first ``n_skipped`` stored blocks."""
     width = uint64(n_lanes)
     for lane in range(width):
@@ -79,7 +79,7 @@ def velocity_of_block(i, n_skipped, n_lanes, starts, lanes, values, free_velocit
 
 
 @njit(cache=True, error_model="numpy")
-def into_ball(size, bound, begin, xi, impulses, change):  # type: ignore[no-untyped-def]
+def project_into_ball(size, bound, begin, xi, impulses, change):  # type: ignore[no-untyped-def]
     """Move the impulses of the lanes from ``begin`` on by −size ξ, project them onto a ball, and write their change."""
     squared = 0.0
     for k in range(len(impulses)):
@@ -118,20 +118,20 @@ def sweep_delassus(  # type: ignore[no-untyped-def]
     for _ in range(count):
         for i in range(len(friction)):
             k, block_start = width * i, width * width * np.int64(starts[i])
-            velocity_of_block(i, 0, width, starts, lanes, values, free_velocity, impulses, xi)
+            write_velocity_of_block(i, 0, width, starts, lanes, values, free_velocity, impulses, xi)
             new = max(impulses[k] - step_sizes[3 * i] * xi[0], lower[i])
             change[0], impulses[k] = new - impulses[k], new
             if sliding > 0:
                 for lane in range(1, first_rolling):
                     xi[lane] += values[block_start + width * lane] * change[0]
                 bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
-                into_ball(step_sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
+                project_into_ball(step_sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
             if first_rolling < width:
                 for lane in range(first_rolling, width):
                     for other in range(first_rolling):
                         xi[lane] += values[block_start + width * lane + other] * change[other]
                 bound = a_r[i] + mu_r[i] * new
-                into_ball(
+                project_into_ball(
                     step_sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change
                 )
 
@@ -149,13 +149,15 @@ def project_all(  # type: ignore[no-untyped-def]
         k = width * i
         xi = velocity[k : k + width]
         bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
-        into_ball(step_sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
+        project_into_ball(step_sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
         bound = a_r[i] + mu_r[i] * impulses[k]
-        into_ball(step_sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
+        project_into_ball(
+            step_sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change
+        )
 
 
 @njit(cache=True)
-def _velocity_of_lanes(first, last, begin, end, chunks, pieces, scaled, free_velocity, xi):  # type: ignore[no-untyped-def]
+def _write_velocity_of_lanes(first, last, begin, end, chunks, pieces, scaled, free_velocity, xi):  # type: ignore[no-untyped-def]
     """Write ξ of the lanes ``first`` to ``last`` − 1 of a block, whose pieces are ``begin`` to ``end`` − 1."""
     length = pieces.shape[2]
     for lane in range(first, last):
@@ -204,19 +206,19 @@ def sweep_factors(  # type: ignore[no-untyped-def]
         for i in range(len(friction)):
             k, begin, end = width * i, np.int64(starts[i]), np.int64(starts[i + 1])
             block_free_velocity = free_velocity[k : k + width]
-            _velocity_of_lanes(0, 1, begin, end, chunks, pieces, v, block_free_velocity, xi)
+            _write_velocity_of_lanes(0, 1, begin, end, chunks, pieces, v, block_free_velocity, xi)
             new = max(impulses[k] - step_sizes[3 * i] * xi[0], lower[i])
             change[0], impulses[k] = new - impulses[k], new
             _push(0, 1, begin, end, chunks, pieces, change, v)
             if sliding > 0:
-                _velocity_of_lanes(1, first_rolling, begin, end, chunks, pieces, v, block_free_velocity, xi)
+                _write_velocity_of_lanes(1, first_rolling, begin, end, chunks, pieces, v, block_free_velocity, xi)
                 bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
-                into_ball(step_sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
+                project_into_ball(step_sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
                 _push(1, first_rolling, begin, end, chunks, pieces, change, v)
             if first_rolling < width:
-                _velocity_of_lanes(first_rolling, width, begin, end, chunks, pieces, v, block_free_velocity, xi)
+                _write_velocity_of_lanes(first_rolling, width, begin, end, chunks, pieces, v, block_free_velocity, xi)
                 bound = a_r[i] + mu_r[i] * new
-                into_ball(
+                project_into_ball(
                     step_sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change
                 )
                 _push(first_rolling, width, begin, end, chunks, pieces, change, v)

@@ -16,7 +16,7 @@ from ...problems.arrays import FloatArray
 from ...problems.compilation.interpretation import count_numbers, interpretable
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.problem import ContactProblem
-from .any_laws import AnyLawArrays, into_ball, velocity_of_block
+from .any_laws import AnyLawArrays, project_into_ball, write_velocity_of_block
 from .delassus import DelassusState, FlatDelassus, LawArrays, planar_velocity, spatial_velocity
 from .one_contact import disc_scale, solve_frictionless, solve_planar, solve_spatial, solve_usual_spatial
 from .rolling_contact import solve_rolling
@@ -242,7 +242,7 @@ def _sweep_any(  # type: ignore[no-untyped-def]
     for _ in range(count):
         for i in range(len(friction)):
             k, own = width * i, width * width * np.int64(starts[i])
-            velocity_of_block(i, 1, width, starts, lanes, values, free_velocity, impulses, xi)
+            write_velocity_of_block(i, 1, width, starts, lanes, values, free_velocity, impulses, xi)
             block_impulses = impulses[k : k + width]
             old[:] = block_impulses
             if lower[i] < 0.0:
@@ -286,5 +286,7 @@ def _relax(relaxation, sliding, friction, fixed_bound, rolling_coefficient, roll
     block_impulses[0] = max(block_impulses[0], 0.0)
     first = 1 + sliding
     zeros = np.zeros(len(block_impulses))
-    into_ball(0.0, fixed_bound + friction * block_impulses[0], 1, zeros, block_impulses[1:first], zeros)
-    into_ball(0.0, rolling_bound + rolling_coefficient * block_impulses[0], first, zeros, block_impulses[first:], zeros)
+    project_into_ball(0.0, fixed_bound + friction * block_impulses[0], 1, zeros, block_impulses[1:first], zeros)
+    project_into_ball(
+        0.0, rolling_bound + rolling_coefficient * block_impulses[0], first, zeros, block_impulses[first:], zeros
+    )

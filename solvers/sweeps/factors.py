@@ -73,7 +73,15 @@ class FactorSweep:
                 *AnyLawArrays.of(layout, step_sizes),
             )
             return FactorSweep(
-                layout, pieces, sweep_factors, arguments, _product, factor, free_velocity, None, len(free_velocity)
+                layout,
+                pieces,
+                sweep_factors,
+                arguments,
+                _write_product,
+                factor,
+                free_velocity,
+                None,
+                len(free_velocity),
             )
         laws = LawArrays.of(layout, step_sizes)
         coupling = own_coupling(pieces.starts, pieces.values).reshape(-1)
@@ -81,9 +89,9 @@ class FactorSweep:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
             arguments = (*factor, free_velocity, *laws, coupling)
             return FactorSweep(
-                layout, pieces, _sweep, arguments, _product, factor, free_velocity, None, len(free_velocity)
+                layout, pieces, _sweep, arguments, _write_product, factor, free_velocity, None, len(free_velocity)
             )
-        product = (_product_spatial_pairs, _pairs(pieces), free_velocity)
+        product = (_write_product_of_spatial_pairs, _pairs(pieces), free_velocity)
         batches = assign_batches(pieces)
         n_lanes = LANES * batches.n_batches
         if len(batches.positions) < MIN_FILL * n_lanes or not layout.bounds_are_own:
@@ -189,7 +197,7 @@ def own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product(width, starts, chunks, pieces, free_velocity, scaled, relative_velocity):  # type: ignore[no-untyped-def]
+def _write_product(width, starts, chunks, pieces, free_velocity, scaled, relative_velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for blocks of any width with any number of pieces."""
     one, lanes, length = uint64(1), uint64(width), uint64(pieces.shape[2])
     for i in range(uint64(len(starts) - 1)):
@@ -202,7 +210,7 @@ def _product(width, starts, chunks, pieces, free_velocity, scaled, relative_velo
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product_spatial_pairs(axes, first_dofs, pieces, free_velocity, scaled, relative_velocity):  # type: ignore[no-untyped-def]
+def _write_product_of_spatial_pairs(axes, first_dofs, pieces, free_velocity, scaled, relative_velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for spatial contacts between two bodies, or one body and the ground."""
     one, two, three, length = uint64(1), uint64(2), uint64(3), uint64(len(axes))
     for i in range(uint64(len(first_dofs)) // two):

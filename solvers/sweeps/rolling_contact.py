@@ -16,7 +16,7 @@ Rolling rows are scaled by the length √(α_N/α_R), so that all rows are veloc
 import numpy as np
 from numba import njit
 
-from .any_laws import into_ball
+from .any_laws import project_into_ball
 
 MAX_STARTS = 4
 """Largest number of starts of Newton's method."""
@@ -180,7 +180,7 @@ def _sweep(count, g, q, sliding, laws, alpha, x, xi, change):  # type: ignore[no
             if law == 0:
                 x[0] = max(x[0] - size * xi[0], 0.0)
             else:
-                into_ball(size, laws[2 * law - 1] + laws[2 * law - 2] * x[0], begin, xi, x[begin:end], change)
+                project_into_ball(size, laws[2 * law - 1] + laws[2 * law - 2] * x[0], begin, xi, x[begin:end], change)
 
 
 @njit(cache=True, error_model="numpy")

@@ -113,7 +113,7 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
 def reduce_opposed_steps(width, sliding, groups, second_last, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
     """Reduce the step of each contact whose increments are opposed and do not shrink; return whether there is one."""
     lanes, groups = uint64(width), uint64(groups)
-    is_reduced = False
+    has_reduced_step = False
     for i in range(uint64(len(fraction))):
         k = lanes * i
         product, older, newer, impulse = 0.0, 0.0, 0.0, 0.0
@@ -129,5 +129,5 @@ def reduce_opposed_steps(width, sliding, groups, second_last, previous, newest, 
         is_opposed = product < -OPPOSED * np.sqrt(older * newer)
         if is_opposed and newer > SHRINKS**2 * older and newer > ROUNDING**2 * impulse:
             fraction[i] = max(STEP_REDUCTION * fraction[i], MIN_FRACTION)
-            is_reduced = True
-    return is_reduced
+            has_reduced_step = True
+    return has_reduced_step

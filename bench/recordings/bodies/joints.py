@@ -79,9 +79,9 @@ def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArra
     joint_numbers = contacts.for_rows(owners)[columns]
     body_numbers, axes = np.divmod(directions.indices, 6)
     first_bodies = np.array([joint.first for joint in joints.joints])
-    is_force = (joint_numbers >= 0) & (axes < 3)
-    is_force[is_force] = body_numbers[is_force] == first_bodies[joint_numbers[is_force]]
+    is_force_entry = (joint_numbers >= 0) & (axes < 3)
+    is_force_entry[is_force_entry] = body_numbers[is_force_entry] == first_bodies[joint_numbers[is_force_entry]]
     impulses = np.zeros((n_joints, 3))
-    values = (directions.data * step.impulses[columns])[is_force]
-    np.add.at(impulses, (joint_numbers[is_force], axes[is_force]), values)
+    values = (directions.data * step.impulses[columns])[is_force_entry]
+    np.add.at(impulses, (joint_numbers[is_force_entry], axes[is_force_entry]), values)
     return impulses

@@ -118,9 +118,9 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
     info, factor = frames.info, drift(frames)
     plan, limits = info.plan, info.plan.limits
     machines = {session.machine.host: session.machine for session in info.sessions} or {"": info.machine}
-    is_single = len(machines) == 1
+    has_single_machine = len(machines) == 1
     tables: dict[str, dict[str, Any]] = {
-        "Machine" if is_single else f"Machine {host}": _hardware(machine) for host, machine in machines.items()
+        "Machine" if has_single_machine else f"Machine {host}": _hardware(machine) for host, machine in machines.items()
     }
     tables["Versions"], tables["Environment"] = info.machine.versions, info.machine.settings
     tables["Protocol"] = {
@@ -134,7 +134,7 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
         "probes": "unknown" if np.isnan(factor) else f"ratio of 90 % to 10 % quantile {factor:.2f}",
     }
     tables["Sessions"] = {
-        session.started + ("" if is_single else f" on {session.machine.host}"): f"to {session.finished}"
+        session.started + ("" if has_single_machine else f" on {session.machine.host}"): f"to {session.finished}"
         if session.finished
         else "interrupted"
         for session in info.sessions

@@ -141,8 +141,8 @@ def _claim_fault(point: Point, model: Model) -> str:
         return "its two residuals differ, but must be equal under Coulomb's law"
     counts = f"it counts as {point.outcome.value}"
     if point.status != Status.SOLVED:
-        is_claim = point.outcome in (Outcome.SOLVED, Outcome.RELAXED)
-        return f"{counts}, and the status of its solver is {point.status!r}" if is_claim else ""
+        claims_solution = point.outcome in (Outcome.SOLVED, Outcome.RELAXED)
+        return f"{counts}, and the status of its solver is {point.status!r}" if claims_solution else ""
     possible = {claim_outcome(tolerance, model, own, coulomb), Outcome.TIME_LIMIT}
     if Outcome.SOLVED in possible:
         possible.add(Outcome.RELAXED)  # the two residuals may be those of different solves

@@ -57,13 +57,13 @@ class BallContacts(DeferredPieces):
     def times(self, padded: FloatArray) -> FloatArray:
         """Return the product with a vector over lanes, shape (n_chunks · length,)."""
         product = np.zeros(self.n_chunks * LENGTH)
-        _times(*self.balls, padded.reshape(-1), product)
+        _write_product(*self.balls, padded.reshape(-1), product)
         return product
 
     def transposed_times(self, vector: FloatArray) -> FloatArray:
         """Return the product of the transpose with a vector over degrees of freedom, shape (n_blocks · width,)."""
         product = np.empty(self.n_blocks * WIDTH)
-        _transposed_times(*self.balls, vector, product)
+        _write_transposed_product(*self.balls, vector, product)
         return product
 
     def free_velocity(self, free_motion: FloatArray, velocity: FloatArray, restitution: FloatArray) -> FloatArray:
@@ -140,7 +140,7 @@ def _write_pieces(chunks, normals, radii):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _times(chunks, normals, radii, padded, product):  # type: ignore[no-untyped-def]
+def _write_product(chunks, normals, radii, padded, product):  # type: ignore[no-untyped-def]
     for c in range(len(normals)):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
@@ -181,7 +181,7 @@ def _contact_velocity(c, chunks, normals, radii, vector):  # type: ignore[no-unt
 
 
 @njit(cache=True, fastmath={"contract"})
-def _transposed_times(chunks, normals, radii, vector, product):  # type: ignore[no-untyped-def]
+def _write_transposed_product(chunks, normals, radii, vector, product):  # type: ignore[no-untyped-def]
     for c in range(len(normals)):
         product[3 * c], product[3 * c + 1], product[3 * c + 2] = _contact_velocity(c, chunks, normals, radii, vector)
 

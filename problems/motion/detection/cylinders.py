@@ -45,20 +45,20 @@ def _find(shapes, centres, rotations, pairs, margin, keys, geometry):  # type: i
         if shapes.kind[j] == PLANE:
             body = centres[i], rotations[i], shapes.half[i], shapes.radius[i]
             normal = np.ascontiguousarray(rotations[j][:, 2])
-            count = _on_plane(*body, centres[j], normal, margin, keys, geometry, count)
+            count = _write_plane_contacts(*body, centres[j], normal, margin, keys, geometry, count)
         elif shapes.kind[i] == SEGMENT:
             body = centres[j], rotations[j], shapes.half[j], shapes.radius[j]
-            count = _on_ball(*body, centres[i], shapes.radius[i], 1.0, margin, keys, geometry, count)
+            count = _write_ball_contact(*body, centres[i], shapes.radius[i], 1.0, margin, keys, geometry, count)
         else:
             body = centres[i], rotations[i], shapes.half[i], shapes.radius[i]
-            count = _on_ball(*body, centres[j], shapes.radius[j], -1.0, margin, keys, geometry, count)
+            count = _write_ball_contact(*body, centres[j], shapes.radius[j], -1.0, margin, keys, geometry, count)
         for c in range(begin, count):
             keys[c, 0], keys[c, 1] = i, j
     return count
 
 
 @njit(cache=True)
-def _on_plane(centre, rotation, half, radius, origin, normal, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
+def _write_plane_contacts(centre, rotation, half, radius, origin, normal, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contacts of a cylinder with a plane through ``origin``; return the number of contacts."""
     axis = np.ascontiguousarray(rotation[:, 2])
     steepness = dot(axis, normal)
@@ -82,7 +82,7 @@ def _on_plane(centre, rotation, half, radius, origin, normal, margin, keys, geom
 
 
 @njit(cache=True)
-def _on_ball(centre, rotation, half, radius, ball, ball_radius, sign, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
+def _write_ball_contact(centre, rotation, half, radius, ball, ball_radius, sign, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contact of a cylinder with a ball if it is close; return the number of contacts."""
     axis = np.ascontiguousarray(rotation[:, 2])
     offset = ball - centre

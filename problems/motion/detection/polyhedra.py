@@ -171,13 +171,13 @@ def _write_contacts(pairs, centres, rotations, packed, margin, keys, geometry): 
         begin = count
         corners_i = _world_points(packed.vertices, packed.vertex_start, i, centres[i], rotations[i])
         if packed.face_start[j] == packed.face_start[j + 1]:
-            count = _polyhedron_on_plane(corners_i, centres[j], rotations[j], margin, keys, geometry, count)
+            count = _write_plane_contacts(corners_i, centres[j], rotations[j], margin, keys, geometry, count)
         else:
             corners_j = _world_points(packed.vertices, packed.vertex_start, j, centres[j], rotations[j])
             normals_i = _world_points(packed.normals, packed.face_start, i, origin, rotations[i])
             normals_j = _world_points(packed.normals, packed.face_start, j, origin, rotations[j])
             bodies = corners_i, normals_i, corners_j, normals_j
-            count = _polyhedron_on_polyhedron(
+            count = _write_polyhedron_contacts(
                 packed, i, j, *bodies, centres[j] - centres[i], margin, keys, geometry, count
             )
         for c in range(begin, count):
@@ -196,7 +196,7 @@ def _write(keys, geometry, count, feature, point, normal, gap):  # type: ignore[
 
 
 @njit(cache=True)
-def _polyhedron_on_plane(corners, centre, rotation, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
+def _write_plane_contacts(corners, centre, rotation, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     normal = np.ascontiguousarray(rotation[:, 2])
     for k in range(len(corners)):
         gap = dot(corners[k] - centre, normal)
@@ -206,7 +206,7 @@ def _polyhedron_on_plane(corners, centre, rotation, margin, keys, geometry, coun
 
 
 @njit(cache=True)
-def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
+def _write_polyhedron_contacts(  # type: ignore[no-untyped-def]
     packed, i, j, corners_i, normals_i, corners_j, normals_j, offset, margin, keys, geometry, count
 ):
     """Write the contacts of two polyhedra; at equal separation, faces precede edges, and body ``i`` precedes ``j``."""

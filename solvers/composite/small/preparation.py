@@ -61,7 +61,7 @@ def prepare_over_columns(  # type: ignore[no-untyped-def]
     width = len(free_velocity) // len(partner)
     starts, chunks, values, n_chunks = cut_columns(indptr, indices, slot, len(partner), width, data, root)
     laws = (sets, row_count, is_rolling, first_row, partner_law)
-    return _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
+    return _prepare_over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
 
 
 @njit(cache=True)
@@ -82,11 +82,11 @@ def prepare_over_pieces(  # type: ignore[no-untyped-def]
 ):
     """Return the data of ``_pack_data`` for a problem given by the pieces of W̃ = Sᵀ W, with M⁻¹ = S Sᵀ."""
     laws = (sets, row_count, is_rolling, first_row, partner_law)
-    return _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
+    return _prepare_over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
 
 
 @njit(cache=True, error_model="numpy")
-def _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner):  # type: ignore[no-untyped-def]
+def _prepare_over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner):  # type: ignore[no-untyped-def]
     """See ``prepare_over_pieces``."""
     coupling, component = UNCOUPLED, np.zeros(len(partner), dtype=np.int64)
     if len(partner) > 1:

@@ -14,24 +14,24 @@ def update_pieces(pieces, batch, scaled, impulses, change, beta, turn, v_before,
     """
     axes, bodies, records = pieces
     lanes, length = uint64(LANES), uint64(len(axes))
-    _gather(axes, bodies, batch, scaled, v_before)
+    _gather_velocities(axes, bodies, batch, scaled, v_before)
     begin = uint64(batch) * (uint64(6) * lanes * length + uint64(9) * lanes)
     update_batch(
         axes, records, begin, impulses, change, uint64(3) * lanes * uint64(batch), beta, turn, v_before, v_after
     )
-    _scatter(axes, bodies, batch, v_after, scaled)
+    _scatter_velocities(axes, bodies, batch, v_after, scaled)
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
 def write_piece_velocities(pieces, batch, scaled, v_before, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
     axes, bodies, records = pieces
-    _gather(axes, bodies, batch, scaled, v_before)
+    _gather_velocities(axes, bodies, batch, scaled, v_before)
     _write_velocities(axes, records, batch, v_before, velocity)
 
 
 @njit(cache=True, inline="always")
-def _gather(axes, bodies, batch, scaled, v_before):  # type: ignore[no-untyped-def]
+def _gather_velocities(axes, bodies, batch, scaled, v_before):  # type: ignore[no-untyped-def]
     """Copy v of both bodies of each contact of a batch."""
     lanes, length = uint64(LANES), uint64(len(axes))
     pair = uint64(2) * lanes * uint64(batch)
@@ -43,7 +43,7 @@ def _gather(axes, bodies, batch, scaled, v_before):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, inline="always")
-def _scatter(axes, bodies, batch, v_after, scaled):  # type: ignore[no-untyped-def]
+def _scatter_velocities(axes, bodies, batch, v_after, scaled):  # type: ignore[no-untyped-def]
     """Copy v back, except for the idle chunk, which is last: it remains zero, because all threads read it."""
     lanes, length = uint64(LANES), uint64(len(axes))
     pair, idle = uint64(2) * lanes * uint64(batch), uint64(len(scaled)) - length

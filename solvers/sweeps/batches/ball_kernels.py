@@ -28,7 +28,7 @@ squares of the ratios by which ``Residual`` multiplies their violations."""
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def in_frame(frame, difference, spin, free_velocity):  # type: ignore[no-untyped-def]
+def velocity_in_frame(frame, difference, spin, free_velocity):  # type: ignore[no-untyped-def]
     """Return ξ of a contact: n·d + c_N, T1·d − T2·s + c_1 and T2·d + T1·s + c_2.
 
     ``frame`` is (n, T1, T2), ``difference`` is d, ``spin`` is s, and ``free_velocity`` is c.
@@ -110,7 +110,7 @@ def update_impulses(records, record, kappa, impulses, change, first_entry, beta,
         spin = kappa * moves[lane + k3], kappa * moves[lane + k4], kappa * moves[lane + k5]
         free_velocity = records[r + k3], records[r + k4], records[r + k5]
         frame = (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z)
-        normal, first, second = in_frame(frame, difference, spin, free_velocity)
+        normal, first, second = velocity_in_frame(frame, difference, spin, free_velocity)
         ahead_n, ahead_t1, ahead_t2 = beta * change[n], beta * change[t1], beta * change[t2]
         old_n, old_t1, old_t2 = impulses[n] + ahead_n, impulses[t1] + ahead_t1, impulses[t2] + ahead_t2
         step_size_t = records[r + k7]
@@ -179,7 +179,7 @@ def lane_velocity(records, r, kappa, moves, lane):  # type: ignore[no-untyped-de
     difference = moves[lane], moves[lane + k1], moves[lane + k2]
     spin = kappa * moves[lane + k3], kappa * moves[lane + k4], kappa * moves[lane + k5]
     free_velocity = records[r + k3], records[r + k4], records[r + k5]
-    return in_frame(((x, y, z), first, second), difference, spin, free_velocity)
+    return velocity_in_frame(((x, y, z), first, second), difference, spin, free_velocity)
 
 
 @njit(cache=True, inline="always")

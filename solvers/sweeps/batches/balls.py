@@ -19,7 +19,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ...iteration.loop import SinglePassIterates
 from ...iteration.momentum import MomentumState
-from .ball_kernels import ENTRIES_PER_RECORD, WEIGHTS, in_frame, largest_violation, sweep_balls
+from .ball_kernels import ENTRIES_PER_RECORD, WEIGHTS, largest_violation, sweep_balls, velocity_in_frame
 from .pieces import LANES, MIN_FILL, assign_batches
 
 EQUALITY_TOLERANCE = 1e-12
@@ -296,4 +296,4 @@ def _contact_velocity(c, balls, normals, spin_ratio, free_velocity, motion):  # 
     sy = spin_ratio * (motion[i + uint64(4)] + motion[j + uint64(4)])
     sz = spin_ratio * (motion[i + uint64(5)] + motion[j + uint64(5)])
     contact_free_velocity = free_velocity[row], free_velocity[row + uint64(1)], free_velocity[row + uint64(2)]
-    return in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), contact_free_velocity)
+    return velocity_in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), contact_free_velocity)
