@@ -103,13 +103,13 @@ def _coupled_contacts(indptr, indices, data, root, contact_of_row):  # type: ign
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def _touched_rows(first, chunks, values, idle):  # type: ignore[no-untyped-def]
+def _touched_rows(piece_starts, chunks, values, idle):  # type: ignore[no-untyped-def]
     """Return, in compressed rows, the rows of W̃ in which each contact has an entry."""
     width, length = values.shape[1], values.shape[2]
-    starts, bodies = np.zeros(len(first), dtype=np.int64), np.empty(len(chunks) * length, dtype=np.int64)
+    starts, bodies = np.zeros(len(piece_starts), dtype=np.int64), np.empty(len(chunks) * length, dtype=np.int64)
     count = 0
-    for contact in range(len(first) - 1):
-        for p in range(first[contact], first[contact + 1]):
+    for contact in range(len(piece_starts) - 1):
+        for p in range(piece_starts[contact], piece_starts[contact + 1]):
             if chunks[p] == idle:
                 continue
             for k in range(length):
@@ -132,9 +132,9 @@ def components_over_matrix(indptr, indices, data, diagonal, contact_of_row, part
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def components_over_pieces(first, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
+def components_over_pieces(piece_starts, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
     """Return the component of each contact if the factors are known."""
-    starts, bodies = _touched_rows(first, chunks, values, n_chunks)
+    starts, bodies = _touched_rows(piece_starts, chunks, values, n_chunks)
     return _components(partner, n_chunks * values.shape[2], starts, bodies, np.arange(len(partner)))
 
 

@@ -186,12 +186,12 @@ def _factor_solver(problem: ContactProblem, scaling: Scaling, weight: FloatArray
     """Return the solver of the factor form, the rows in its cones, and the scale of each row in its cone."""
     assert problem.factors is not None
     rows, cone_scale, cones = _dual_cones(problem, scaling)
-    scaled = problem.factors.scaled_directions
+    scaled_directions = problem.factors.scaled_directions
     if weight is not None:
-        scaled = sp.vstack([scaled, sp.diags_array(np.sqrt(weight))], format="csc")
-    scaled = scaled @ sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
-    constraints = -sp.diags_array(cone_scale) @ scaled.T.tocsr()[rows]
-    n_dofs = scaled.shape[0]
+        scaled_directions = sp.vstack([scaled_directions, sp.diags_array(np.sqrt(weight))], format="csc")
+    scaled_directions = scaled_directions @ sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
+    constraints = -sp.diags_array(cone_scale) @ scaled_directions.T.tocsr()[rows]
+    n_dofs = scaled_directions.shape[0]
     solver = _make_solver(sp.eye_array(n_dofs), np.zeros(n_dofs), constraints, np.zeros(len(rows)), cones)
     return solver, rows, cone_scale
 

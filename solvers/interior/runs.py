@@ -50,9 +50,11 @@ class InteriorMethod(Method, ABC):
         """Scale the problem, assemble what the form needs, and order the factorisation."""
         self.check_supports(problem)
         residual = Residual(problem)
-        scaled = ScaledProblem(problem, residual)
-        system = BodySystem(problem, scaled) if self.form == "factors" else DelassusSystem(problem, scaled)
-        return PreparedRuns(self, problem, residual, scaled, system)
+        scaled_problem = ScaledProblem(problem, residual)
+        system = (
+            BodySystem(problem, scaled_problem) if self.form == "factors" else DelassusSystem(problem, scaled_problem)
+        )
+        return PreparedRuns(self, problem, residual, scaled_problem, system)
 
     @abstractmethod
     def run(self, prepared: "PreparedRuns", progress: Progress) -> None:
@@ -66,7 +68,7 @@ class PreparedRuns:
     method: InteriorMethod
     problem: ContactProblem
     residual: Residual = field(repr=False)
-    scaled: ScaledProblem = field(repr=False)
+    scaled_problem: ScaledProblem = field(repr=False)
     system: NewtonSystem = field(repr=False)
     has_single_run: bool = False
 

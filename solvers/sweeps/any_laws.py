@@ -157,27 +157,27 @@ def project_all(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _write_velocity_of_lanes(first, last, begin, end, chunks, pieces, scaled, free_velocity, xi):  # type: ignore[no-untyped-def]
+def _write_velocity_of_lanes(first_piece, last_piece, begin, end, chunks, pieces, scaled_velocity, free_velocity, xi):  # type: ignore[no-untyped-def]
     """Write ξ of the lanes ``first`` to ``last`` − 1 of a block, whose pieces are ``begin`` to ``end`` − 1."""
     length = pieces.shape[2]
-    for lane in range(first, last):
+    for lane in range(first_piece, last_piece):
         total = free_velocity[lane]
         for p in range(begin, end):
             chunk = length * np.int64(chunks[p])
             for a in range(length):
-                total += pieces[p, lane, a] * scaled[chunk + a]
+                total += pieces[p, lane, a] * scaled_velocity[chunk + a]
         xi[lane] = total
 
 
 @njit(cache=True)
-def _push(first, last, begin, end, chunks, pieces, change, scaled):  # type: ignore[no-untyped-def]
+def _push(first_piece, last_piece, begin, end, chunks, pieces, change, scaled_velocity):  # type: ignore[no-untyped-def]
     """Add W̃ ΔΛ of these lanes to v."""
     length = pieces.shape[2]
-    for lane in range(first, last):
+    for lane in range(first_piece, last_piece):
         for p in range(begin, end):
             chunk = length * np.int64(chunks[p])
             for a in range(length):
-                scaled[chunk + a] += pieces[p, lane, a] * change[lane]
+                scaled_velocity[chunk + a] += pieces[p, lane, a] * change[lane]
 
 
 @njit(cache=True)

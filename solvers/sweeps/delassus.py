@@ -164,8 +164,8 @@ class DelassusIterates(DelassusState):
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Set the step sizes of each block to this fraction of the initial ones, shape (n_blocks,)."""
-        scaled = (self.step_sizes * fraction[:, None]).reshape(-1)
-        self._arguments = (*self._delassus.arrays, scaled, *self._laws[1:], self.padded)
+        scaled_step_sizes = (self.step_sizes * fraction[:, None]).reshape(-1)
+        self._arguments = (*self._delassus.arrays, scaled_step_sizes, *self._laws[1:], self.padded)
 
     def linear_state(self) -> tuple[FloatArray, int]:
         """Return Λ and its length; see ``LinearIterates``."""

@@ -119,13 +119,13 @@ class FactorIterates:
         self._relative_velocity = np.empty_like(padded)
         idle_length = pieces.length
         self._state = np.zeros(sweep.n_impulses + pieces.n_chunks * pieces.length + idle_length)
-        self._impulses, self._scaled = self._state[: sweep.n_impulses], self._state[sweep.n_impulses :]
+        self._impulses, self._scaled_velocity = self._state[: sweep.n_impulses], self._state[sweep.n_impulses :]
         self._impulses[slice(None) if sweep.slots is None else sweep.slots] = padded
-        self._scaled[:-idle_length] = pieces.times(padded)
+        self._scaled_velocity[:-idle_length] = pieces.times(padded)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        self._sweep.kernel(count, *self._sweep.arguments, self._impulses, self._scaled)
+        self._sweep.kernel(count, *self._sweep.arguments, self._impulses, self._scaled_velocity)
 
     def linear_state(self) -> tuple[FloatArray, int]:
         """Return Λ followed by v, and the length of Λ; see ``LinearIterates``."""
@@ -139,7 +139,7 @@ class FactorIterates:
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         sweep = self._sweep
-        sweep.product(*sweep.factor, sweep.free_velocity, self._scaled, self._relative_velocity)
+        sweep.product(*sweep.factor, sweep.free_velocity, self._scaled_velocity, self._relative_velocity)
         return sweep.layout.rows_of(self._relative_velocity)
 
 
@@ -153,7 +153,7 @@ class AnyLawIterates(FactorIterates):
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         pieces = self._sweep.pieces
-        self._scaled[: -pieces.length] = pieces.times(self._impulses)
+        self._scaled_velocity[: -pieces.length] = pieces.times(self._impulses)
         return super().relative_velocity()
 
 
@@ -164,11 +164,11 @@ class BatchIterates(FactorIterates, MomentumState):
         FactorIterates.__init__(self, sweep, start)
         MomentumState.__init__(self, momentum, delay)
         self._change = np.zeros_like(self._impulses)
-        self._previous_velocity = self._scaled.copy() if momentum > 0.0 else self._scaled
+        self._previous_velocity = self._scaled_velocity.copy() if momentum > 0.0 else self._scaled_velocity
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        arrays = (self._impulses, self._scaled, self._change, self._previous_velocity)
+        arrays = (self._impulses, self._scaled_velocity, self._change, self._previous_velocity)
         sweep, momentum = self._sweep, (self._momentum, self._delay, self._sweeps)
         self._beta = sweep.kernel(count, *sweep.arguments, *arrays, *momentum, self._beta)
         self._sweeps += count
@@ -197,7 +197,7 @@ def own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_product(width, starts, chunks, pieces, free_velocity, scaled, relative_velocity):  # type: ignore[no-untyped-def]
+def _write_product(width, starts, chunks, pieces, free_velocity, scaled_velocity, relative_velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for blocks of any width with any number of pieces."""
     one, lanes, length = uint64(1), uint64(width), uint64(pieces.shape[2])
     for i in range(uint64(len(starts) - 1)):
@@ -205,12 +205,12 @@ def _write_product(width, starts, chunks, pieces, free_velocity, scaled, relativ
             total = free_velocity[lanes * i + lane]
             for p in range(starts[i], starts[i + one]):
                 for k in range(length):
-                    total += pieces[p, lane, k] * scaled[length * chunks[p] + k]
+                    total += pieces[p, lane, k] * scaled_velocity[length * chunks[p] + k]
             relative_velocity[lanes * i + lane] = total
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_product_of_spatial_pairs(axes, first_dofs, pieces, free_velocity, scaled, relative_velocity):  # type: ignore[no-untyped-def]
+def _write_product_of_spatial_pairs(axes, first_dofs, pieces, free_velocity, scaled_velocity, relative_velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for spatial contacts between two bodies, or one body and the ground."""
     one, two, three, length = uint64(1), uint64(2), uint64(3), uint64(len(axes))
     for i in range(uint64(len(first_dofs)) // two):
@@ -219,7 +219,7 @@ def _write_product_of_spatial_pairs(axes, first_dofs, pieces, free_velocity, sca
         for body in range(two):
             begin, piece_start = first_dofs[two * i + body], three * length * (two * i + body)
             for x in range(length):
-                v = scaled[begin + x]
+                v = scaled_velocity[begin + x]
                 normal += pieces[piece_start + x] * v
                 first += pieces[piece_start + length + x] * v
                 second += pieces[piece_start + two * length + x] * v
@@ -240,7 +240,7 @@ def _sweep(  # type: ignore[no-untyped-def]
     partner,
     coupling,
     impulses,
-    scaled,
+    scaled_velocity,
 ):
     """Sweep over blocks of any width with any number of pieces."""
     one, two, lanes, length = uint64(1), uint64(2), uint64(width), uint64(pieces.shape[2])
@@ -254,7 +254,7 @@ def _sweep(  # type: ignore[no-untyped-def]
                 for p in range(starts[i], starts[i + one]):
                     chunk = length * chunks[p]
                     for a in range(length):
-                        xi[lane] += pieces[p, lane, a] * scaled[chunk + a]
+                        xi[lane] += pieces[p, lane, a] * scaled_velocity[chunk + a]
             impulses[k] = max(old[0] - step_sizes[two * i] * xi[0], 0.0)
             if width > 1:
                 change = impulses[k] - old[0]
@@ -271,7 +271,7 @@ def _sweep(  # type: ignore[no-untyped-def]
                 for p in range(starts[i], starts[i + one]):
                     chunk = length * chunks[p]
                     for a in range(length):
-                        scaled[chunk + a] += pieces[p, lane, a] * change
+                        scaled_velocity[chunk + a] += pieces[p, lane, a] * change
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -287,7 +287,7 @@ def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
     partner,
     coupling,
     impulses,
-    scaled,
+    scaled_velocity,
 ):
     """Sweep over spatial contacts between two bodies, or one body and the ground."""
     one, two, length = uint64(1), uint64(2), uint64(len(axes))
@@ -298,7 +298,7 @@ def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
             normal, first, second = free_velocity[k], free_velocity[k + one], free_velocity[k + two]
             normal_a, first_a, second_a = 0.0, 0.0, 0.0
             for x in range(length):
-                va, vb, entry = scaled[a + x], scaled[b + x], piece_start + x
+                va, vb, entry = scaled_velocity[a + x], scaled_velocity[b + x], piece_start + x
                 normal += pieces[entry + uint64(3) * length] * vb
                 first += pieces[entry + uint64(4) * length] * vb
                 second += pieces[entry + uint64(5) * length] * vb
@@ -321,16 +321,16 @@ def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
             dt1, dt2 = t1 - old_t1, t2 - old_t2
             for x in range(length):
                 entry = piece_start + x
-                scaled[a + x] = (
-                    scaled[a + x]
+                scaled_velocity[a + x] = (
+                    scaled_velocity[a + x]
                     + pieces[entry] * dn
                     + pieces[entry + length] * dt1
                     + pieces[entry + two * length] * dt2
                 )
             for x in range(length):
                 entry = piece_start + x + uint64(3) * length
-                scaled[b + x] = (
-                    scaled[b + x]
+                scaled_velocity[b + x] = (
+                    scaled_velocity[b + x]
                     + pieces[entry] * dn
                     + pieces[entry + length] * dt1
                     + pieces[entry + two * length] * dt2

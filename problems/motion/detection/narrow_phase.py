@@ -87,7 +87,7 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
         elif method == POLYHEDRA:
             contacts = find_polyhedra(shapes, centres, rotations, method_pairs, margin)
         elif method == ROUND:
-            contacts = find_round(round_shapes, arrays.packed, centres, rotations, method_pairs, margin=margin)
+            contacts = find_round(round_shapes, arrays.polyhedra, centres, rotations, method_pairs, margin=margin)
         elif method == CYLINDERS:
             contacts = find_cylinders(round_shapes, centres, rotations, method_pairs, margin)
         else:

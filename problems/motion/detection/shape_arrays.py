@@ -35,7 +35,7 @@ class ShapeArrays:
     round_shapes: RoundShapes
 
     @cached_property
-    def packed(self) -> PackedPolyhedra:
+    def polyhedra(self) -> PackedPolyhedra:
         """The polyhedra, boxes among them."""
         return pack_polyhedra(self.shapes)
 

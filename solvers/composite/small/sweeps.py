@@ -73,9 +73,9 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
     n_values = len(lanes) * width * width
     values, step_sizes, diagonal, law_values, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
     velocity, second_last, previous, fraction = work[0], work[1], work[2], work[3, :n_blocks]
-    scaled = work[4:6].reshape(-1)[: 2 * n_blocks]
+    scaled_step_sizes = work[4:6].reshape(-1)[: 2 * n_blocks]
     fraction[:] = 1.0
-    scaled[:] = step_sizes
+    scaled_step_sizes[:] = step_sizes
     since_check, checks_since_reduction, interval = 0, 0, FIRST_INTERVAL
     progress, iteration = _begin_progress(), np.int64(0)
     while True:
@@ -93,7 +93,19 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
             elif sweeps_left == 1:
                 previous[:] = impulses
             step = min(count, sweeps_left - 2 if sweeps_left > 2 else 1)
-            _sweep(width, step, starts, lanes, values, free_velocity, scaled, friction, fixed_bound, partner, impulses)
+            _sweep(
+                width,
+                step,
+                starts,
+                lanes,
+                values,
+                free_velocity,
+                scaled_step_sizes,
+                friction,
+                fixed_bound,
+                partner,
+                impulses,
+            )
             since_check += step
             count -= step
             if step == sweeps_left:
@@ -101,8 +113,8 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
                 if reduce_opposed_steps(width, width - 1, 2, second_last, previous, impulses, step_sizes, fraction):
                     checks_since_reduction = 0
                     for i in range(n_blocks):
-                        scaled[2 * i] = step_sizes[2 * i] * fraction[i]
-                        scaled[2 * i + 1] = step_sizes[2 * i + 1] * fraction[i]
+                        scaled_step_sizes[2 * i] = step_sizes[2 * i] * fraction[i]
+                        scaled_step_sizes[2 * i + 1] = step_sizes[2 * i + 1] * fraction[i]
                 interval = INTERVALS[min(checks_since_reduction, LAST_INTERVAL)]
 
 

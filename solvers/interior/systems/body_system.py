@@ -26,13 +26,13 @@ ill-conditioned."""
 class BodySystem:
     """L, R and the pattern of one problem, and the factors of I + L D⁻¹ Rᵀ."""
 
-    def __init__(self, problem: ContactProblem, scaled: ScaledProblem) -> None:
-        pieces, width, self._lanes = problem.factor_pieces(), problem.layout.width, scaled.lanes
+    def __init__(self, problem: ContactProblem, scaled_problem: ScaledProblem) -> None:
+        pieces, width, self._lanes = problem.factor_pieces(), problem.layout.width, scaled_problem.lanes
         block = np.repeat(np.arange(pieces.n_blocks), np.diff(pieces.starts))
         self._n_chunks, self._length = pieces.n_chunks, pieces.length
         self._starts, self._chunks = pieces.starts, pieces.chunks
-        self._left: FloatArray = pieces.values * self._lanes.to_block(scaled.impulse_scale)[block, :, None]
-        self._right: FloatArray = pieces.values * self._lanes.to_block(scaled.velocity_scale)[block, :, None]
+        self._left: FloatArray = pieces.values * self._lanes.to_block(scaled_problem.impulse_scale)[block, :, None]
+        self._right: FloatArray = pieces.values * self._lanes.to_block(scaled_problem.velocity_scale)[block, :, None]
         rows, columns, pair_starts, targets = _pattern(self._starts, self._chunks, self._n_chunks)
         self._pairs = (pair_starts, targets, rows[:-1])
         self._blocks = np.empty((len(columns), self._length, self._length))

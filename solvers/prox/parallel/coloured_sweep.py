@@ -128,12 +128,12 @@ class ColouredIterates(MomentumState, SinglePassIterates):
     def __init__(self, sweep: ColouredSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         MomentumState.__init__(self, momentum, delay)
         self._sweep = sweep
-        self._scaled = sweep.motion(start)
-        self._previous_velocity = self._scaled.copy()
+        self._scaled_velocity = sweep.motion(start)
+        self._previous_velocity = self._scaled_velocity.copy()
         self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.slabs.n_batches))
         if start.any():
             self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
-        n_pieces = -(-len(self._scaled) // PIECE_LENGTH) if momentum > 0.0 else 0
+        n_pieces = -(-len(self._scaled_velocity) // PIECE_LENGTH) if momentum > 0.0 else 0
         first_batch, n_slabs = sweep.slabs.first_batch, len(sweep.slabs.first_batch) - 1
         stages = np.concatenate([[0], n_pieces + sweep.slabs.first_slab])
         n_tasks = int(stages[-1]) + n_slabs  # ξ or the violations of each slab come last
@@ -150,7 +150,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
             first_batch,
             sweep.piece_batches,
             sweep.ball_batches,
-            (self._impulses, self._scaled, self._change, self._previous_velocity, self._velocity),
+            (self._impulses, self._scaled_velocity, self._change, self._previous_velocity, self._velocity),
             (self._weights, self._violations, sweep.slots, self._rows),
             self._turns,
             self._claims,
@@ -238,7 +238,7 @@ def _run_window(  # type: ignore[no-untyped-def]
     ``claims`` counts how often each task was claimed, and ``n_completed`` the completed tasks of the window.
     """
     sweeps, windows, count = counters[0], counters[1], counters[2]
-    impulses, scaled, change, previous_velocity, velocity = arrays
+    impulses, scaled_velocity, change, previous_velocity, velocity = arrays
     momentum, delay, beta = momenta[0], momenta[1], momenta[2]
     length = BALL_LENGTH
     if pieces is not None:
@@ -257,15 +257,23 @@ def _run_window(  # type: ignore[no-untyped-def]
                     completed += 1
                     if stage == 0:
                         first = PIECE_LENGTH * task
-                        extrapolate(scaled, previous_velocity, beta, first, min(first + PIECE_LENGTH, len(scaled)))
+                        extrapolate(
+                            scaled_velocity,
+                            previous_velocity,
+                            beta,
+                            first,
+                            min(first + PIECE_LENGTH, len(scaled_velocity)),
+                        )
                         continue
                     slab = task - stages[1]
                     turn[:] = 0.0
                     for batch in range(first_batch[slab], first_batch[slab + 1]):
                         if balls is not None:
-                            update_ball_batch(balls, batch, scaled, impulses, change, beta, turn, work)
+                            update_ball_batch(balls, batch, scaled_velocity, impulses, change, beta, turn, work)
                         if pieces is not None:
-                            update_pieces(pieces, batch, scaled, impulses, change, beta, turn, work, second_work)
+                            update_pieces(
+                                pieces, batch, scaled_velocity, impulses, change, beta, turn, work, second_work
+                            )
                     turns[sweep % 2, slab] = turn.sum()
             if completed:
                 add(n_completed, 0, completed)
@@ -273,7 +281,7 @@ def _run_window(  # type: ignore[no-untyped-def]
         wait_for(n_completed, 0, n_required)
         beta = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
     wait_for(n_completed, 0, n_required)
-    data = (windows, stages[n_stages], stages[2] - stages[1], first_batch, balls, scaled)
+    data = (windows, stages[n_stages], stages[2] - stages[1], first_batch, balls, scaled_velocity)
     if counters[3] and balls is not None:
         completed = _write_violations(thread, threads, *data, impulses, violations, claims)
     else:
@@ -286,7 +294,7 @@ def _run_window(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def _write_xi(  # type: ignore[no-untyped-def]
-    thread, threads, windows, first_task, n_even, first_batch, balls, scaled, pieces, velocity, claims
+    thread, threads, windows, first_task, n_even, first_batch, balls, scaled_velocity, pieces, velocity, claims
 ):
     """Do the share of one thread in ξ, by tasks from ``first_task`` on, and return the number of completed tasks."""
     length, n_slabs = BALL_LENGTH, len(first_batch) - 1
@@ -300,16 +308,16 @@ def _write_xi(  # type: ignore[no-untyped-def]
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
                 for batch in range(first_batch[slab], first_batch[slab + 1]):
                     if balls is not None:
-                        write_ball_velocities(balls, batch, scaled, work, velocity)
+                        write_ball_velocities(balls, batch, scaled_velocity, work, velocity)
                     if pieces is not None:
-                        write_piece_velocities(pieces, batch, scaled, work, velocity)
+                        write_piece_velocities(pieces, batch, scaled_velocity, work, velocity)
                 completed += 1
     return completed
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def _write_violations(  # type: ignore[no-untyped-def]
-    thread, threads, windows, first_task, n_even, first_batch, balls, scaled, impulses, violations, claims
+    thread, threads, windows, first_task, n_even, first_batch, balls, scaled_velocity, impulses, violations, claims
 ):
     """Do the share of one thread in the violations and in Λ over rows; see ``_write_xi``."""
     weights, squares, slots, rows = violations
@@ -321,7 +329,7 @@ def _write_violations(  # type: ignore[no-untyped-def]
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
                 largest[:] = 0.0
                 for batch in range(first_batch[slab], first_batch[slab + 1]):
-                    raise_to_violations(balls, batch, scaled, impulses, weights, moves, largest)
+                    raise_to_violations(balls, batch, scaled_velocity, impulses, weights, moves, largest)
                 squares[slab] = largest_of_lanes(largest)
                 for row in range(len(rows) * position // len(squares), len(rows) * (position + 1) // len(squares)):
                     rows[row] = impulses[slots[row]]

@@ -124,11 +124,11 @@ def _pack(chunks, values, idle, positions, n_batches, free_velocity, step_sizes,
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_batches(  # type: ignore[no-untyped-def]
-    count, axes, bodies, records, impulses, scaled, change, previous_velocity, momentum, delay, sweeps, beta
+    count, axes, bodies, records, impulses, scaled_velocity, change, previous_velocity, momentum, delay, sweeps, beta
 ):
     """Do ``count`` sweeps, and return the β of the sweep after them.
 
-    ``impulses`` is Λ in the order of ``slots_in_batches``, and ``scaled`` is v = W̃ Λ, with an idle chunk last.
+    ``impulses`` is Λ in the order of ``slots_in_batches``, and ``scaled_velocity`` is v = W̃ Λ, with an idle chunk last.
     ``change`` is the change of Λ in the previous sweep. With momentum, ``previous_velocity`` is the v at which that
     sweep began. ``beta`` is the β of the next sweep. ``momentum`` and ``delay`` are those of ``MomentumState`` after
     ``sweeps`` sweeps.
@@ -138,22 +138,22 @@ def sweep_batches(  # type: ignore[no-untyped-def]
     v_before, v_after, turn = np.empty(two * row), np.empty(two * row), np.empty(lanes)
     for _ in range(count):
         if momentum > 0.0:
-            extrapolate(scaled, previous_velocity, beta, 0, len(scaled))
+            extrapolate(scaled_velocity, previous_velocity, beta, 0, len(scaled_velocity))
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
-                    v_before[lanes * x + lane] = scaled[a + x]
-                    v_before[lanes * (length + x) + lane] = scaled[b + x]
+                    v_before[lanes * x + lane] = scaled_velocity[a + x]
+                    v_before[lanes * (length + x) + lane] = scaled_velocity[b + x]
             begin, first_entry = (uint64(6) * row + uint64(9) * lanes) * batch, three * lanes * batch
             update_batch(axes, records, begin, impulses, change, first_entry, beta, turn, v_before, v_after)
             for lane in range(lanes):
                 a, b = bodies[pair + lane], bodies[pair + lanes + lane]
                 for x in range(length):
-                    scaled[a + x] = v_after[lanes * x + lane]
-                    scaled[b + x] = v_after[lanes * (length + x) + lane]
+                    scaled_velocity[a + x] = v_after[lanes * x + lane]
+                    scaled_velocity[b + x] = v_after[lanes * (length + x) + lane]
         sweeps += 1
         beta = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
     return beta
