@@ -95,12 +95,12 @@ class ContactProblem:
 
     def __repr__(self) -> str:
         joints, rows = self.laws.n_joint_rows, counted(self.n_rows, "row")
-        sizes = [counted(self.n_contacts - joints, "contact"), f"{rows}, {joints} of joints" if joints else rows]
-        return f"<ContactProblem {self.name!r}: {', '.join(sizes)}, holds {self._form}>"
+        counts = [counted(self.n_contacts - joints, "contact"), f"{rows}, {joints} of joints" if joints else rows]
+        return f"<ContactProblem {self.name!r}: {', '.join(counts)}, holds {self._form}>"
 
     def _repr_html_(self) -> str:
-        sizes = {"contacts": self.n_contacts - self.laws.n_joint_rows, "rows": self.n_rows}
-        facts = {**sizes, "laws": self.laws.summary, "holds": self._form}
+        counts = {"contacts": self.n_contacts - self.laws.n_joint_rows, "rows": self.n_rows}
+        facts = {**counts, "laws": self.laws.summary, "holds": self._form}
         return html_table(f"Contact problem {self.name}", {**facts, **self.provenance})
 
     @property

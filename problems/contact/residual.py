@@ -161,8 +161,8 @@ class ModelResidual(Residual):
         if self.infeasible:
             return np.inf
         impulses, velocity = self.unit * impulses, self.unit * velocity
-        relative = self.ratios * violations(self._problem, self, impulses, velocity, self._model)
-        return ratio(relative.max(initial=0.0), self.unit * self.scale)
+        relative_violations = self.ratios * violations(self._problem, self, impulses, velocity, self._model)
+        return ratio(relative_violations.max(initial=0.0), self.unit * self.scale)
 
 
 class EngineResidual(Residual):

@@ -145,13 +145,13 @@ class DualSolver:
 
     def _make_solver(self) -> Any:
         """Return Kamino's solver of one world of this size, which continues from its last solution."""
-        sizes = {
+        dimensions = {
             "max_total_cts": len(self._order),
             "max_inequalities": sum(self._groups[1:]),
             "max_contacts": self._groups[-1],
         }
         size = _kamino("core.size").SizeKamino(
-            num_worlds=1, **{f"{kind}_of_{name}": n for kind in ("sum", "max") for name, n in sizes.items()}
+            num_worlds=1, **{f"{kind}_of_{name}": n for kind in ("sum", "max") for name, n in dimensions.items()}
         )
         model = _kamino("core.model")
         kamino_model = model.ModelKamino(

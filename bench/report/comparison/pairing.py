@@ -73,7 +73,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
     keys, left_out = _common_cases(before, after)
     tolerances = set(before.info.plan.tolerances) & set(after.info.plan.tolerances)
     if keys.empty or not tolerances:
-        lacking = "case (solver on a problem of the same name and numbers)" if keys.empty else "tolerance"
+        lacking = "case (solver on a problem with the same name and data)" if keys.empty else "tolerance"
         raise BenchError(
             f"{before.folder} and {after.folder} have no {lacking} in common; measure both with the same problems, "
             "solvers and tolerances."
@@ -116,7 +116,7 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
     for column in CASE:
         sets = [dict.fromkeys(run.cases[column]) for run in (before, after)]
         for run, own, other in ((before, sets[0], sets[1]), (after, sets[1], sets[0])):
-            notes.append(_listing(f"{column}s of {run.folder} alone", [name for name in own if name not in other]))
+            notes.append(_listing(f"{column}s only in {run.folder}", [name for name in own if name not in other]))
     compared = [*CASE, "threads", "threads_used", "start"]
     both = before.cases[compared].merge(after.cases[compared], on=CASE)
     both = both[~both["problem"].isin(changed)]

@@ -112,8 +112,8 @@ def _judge_again(case: CaseRecord, problem: ContactProblem, result: RejudgeResul
     Raises:
         _Disagreement: if a number or an outcome disagrees.
     """
-    sizes = problem.digest, problem.n_rows, problem.n_contacts
-    if (case.digest, case.n_rows, case.n_contacts) != sizes:
+    identity = problem.digest, problem.n_rows, problem.n_contacts
+    if (case.digest, case.n_rows, case.n_contacts) != identity:
         raise _Disagreement("it was measured on a problem with other numbers")
     try:
         model = Model.from_text(case.model)

@@ -32,39 +32,39 @@ class InverseMass:
     _root_blocks: dict[int, FloatArray | None] = field(default_factory=dict, init=False, repr=False)
 
     @staticmethod
-    def create(given: Any) -> "InverseMass":
+    def create(inverse_mass: Any) -> "InverseMass":
         """Return a checked, read-only M⁻¹.
 
         Args:
-            given: diagonal of M⁻¹, shape (n_dofs,), or M⁻¹, dense or scipy sparse, shape (n_dofs, n_dofs).
+            inverse_mass: diagonal of M⁻¹, shape (n_dofs,), or M⁻¹, dense or scipy sparse, shape (n_dofs, n_dofs).
 
         Raises:
             ProblemError: if the shape is wrong, a number is not finite, or M⁻¹ is not symmetric positive definite.
         """
-        if np.ndim(given) == 1 and not sp.issparse(given):
-            diagonal = frozen(given, np.float64, "M⁻¹")
+        if np.ndim(inverse_mass) == 1 and not sp.issparse(inverse_mass):
+            diagonal = frozen(inverse_mass, np.float64, "M⁻¹")
             pattern = _diagonal_pattern(len(diagonal))
             matrix = with_entries(pattern, diagonal, pattern.indices, pattern.indptr)
             check_finite(matrix, "M⁻¹")
         else:
-            matrix = _read_square(given, "M⁻¹")
+            matrix = _read_square(inverse_mass, "M⁻¹")
         inverse = InverseMass(matrix)
         inverse.check()
         return inverse
 
     @staticmethod
-    def of_mass(given: Any) -> "InverseMass":
+    def of_mass(mass_matrix: Any) -> "InverseMass":
         """Return M⁻¹ computed from M block by block, together with M.
 
         Args:
-            given: M, symmetric positive definite, dense or scipy sparse, shape (n_dofs, n_dofs). Its blocks are the
-                connected components of its nonzero entries, for any order of the degrees of freedom.
+            mass_matrix: M, symmetric positive definite, dense or scipy sparse, shape (n_dofs, n_dofs). Its blocks are
+                the connected components of its nonzero entries, for any order of the degrees of freedom.
 
         Raises:
             ProblemError: if the shape is wrong, a number is not finite, M is not symmetric positive definite, or its
                 inverse has more than ``MAX_ENTRIES`` entries.
         """
-        mass = _read_square(given, "M")
+        mass = _read_square(mass_matrix, "M")
         matrix = block_inverse(mass)
         check_finite(matrix, "M⁻¹")
         inverse = InverseMass(matrix, mass)

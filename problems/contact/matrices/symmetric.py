@@ -34,11 +34,11 @@ BREAKDOWN_TOLERANCE = 1e-12
 """Lanczos' method stops if the norm of a new vector is below this fraction of the largest Ritz value."""
 
 
-def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array[Any]:
+def checked_delassus(given_matrix: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array[Any]:
     """Return G as a canonical read-only CSR array.
 
     Args:
-        given: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows).
+        given_matrix: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows).
         n_rows: number of rows of the problem.
         allow_asymmetric: whether G may be any matrix without negative diagonal entries.
 
@@ -46,7 +46,7 @@ def checked_delassus(given: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_
         IndefiniteError: if a diagonal entry, a 2×2 minor or an eigenvalue is negative beyond rounding.
         ProblemError: if G has the wrong shape, contains numbers that are not finite, or is not symmetric.
     """
-    source = as_matrix(given, "G")
+    source = as_matrix(given_matrix, "G")
     is_single_precision = source.dtype == np.float32
     if source.shape != (n_rows, n_rows):
         raise ProblemError(f"G must have shape ({n_rows}, {n_rows}) to go with c, got {source.shape}.")
@@ -141,12 +141,12 @@ def _is_sound_dense(matrix: FloatArray, tolerance: float) -> bool:
     diagonal = matrix.diagonal()
     if (diagonal < 0.0).any():
         return False
-    sizes, root = np.abs(matrix), np.sqrt(diagonal)
-    excess = sizes - root[:, None] * root
+    magnitudes, root = np.abs(matrix), np.sqrt(diagonal)
+    excess = magnitudes - root[:, None] * root
     if (excess > tolerance * diagonal.max(initial=0.0)).any():
         return False
     difference = matrix - matrix.T
-    return not difference.any() or bool(np.abs(difference).max() <= SYMMETRY_TOLERANCE * sizes.max())
+    return not difference.any() or bool(np.abs(difference).max() <= SYMMETRY_TOLERANCE * magnitudes.max())
 
 
 def _has_cholesky_factor(matrix: FloatArray, shift: float) -> bool:

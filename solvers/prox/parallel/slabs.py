@@ -57,10 +57,10 @@ class Slabs(NamedTuple):
         A colour takes at least as long as its largest slab, and at least as long as an equal share of its batches for
         each thread.
         """
-        sizes = np.diff(self.first_batch)
-        colours = sizes[: self.first_slab[1]], sizes[self.first_slab[1] :]
+        batch_counts = np.diff(self.first_batch)
+        colours = batch_counts[: self.first_slab[1]], batch_counts[self.first_slab[1] :]
         slowest = sum(max(colour.max(initial=0), colour.sum() / threads) for colour in colours)
-        return float(sizes.sum() / slowest) if slowest > 0.0 else 1.0
+        return float(batch_counts.sum() / slowest) if slowest > 0.0 else 1.0
 
 
 def divide_into_slabs(pieces: Pieces) -> Slabs:
