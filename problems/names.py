@@ -54,10 +54,10 @@ def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -
         ) from None
 
 
-def check_options(owner: str, given: Iterable[str], known: Iterable[str], error: type[ProxbenchError]) -> None:
+def check_options(owner: str, options: Iterable[str], known: Iterable[str], error: type[ProxbenchError]) -> None:
     """Raise ``error`` for the first option that ``owner`` does not have, and suggest the nearest known option."""
     names = list(known)
-    for option in given:
+    for option in options:
         if option not in names:
             raise error(f"{owner} has no option {option!r}{suggestion(option, names)}")
 

@@ -44,7 +44,7 @@ def listing_rows(kind: str = "", suite: str = "", name: str = "", has_sizes: boo
     Args:
         kind: one of ``KINDS``; all kinds if empty.
         suite: suite whose problems to list; all problems if empty.
-        name: single solver, suite, problem or scene of this kind to list, with or without options; all if empty.
+        name: name, with or without options, of the only solver, suite, problem or scene to list; all if empty.
         has_sizes: add the sizes and laws of problems; this loads generated problems and those of plugins.
 
     Raises:
@@ -55,14 +55,13 @@ def listing_rows(kind: str = "", suite: str = "", name: str = "", has_sizes: boo
     if kind and kind not in KINDS:
         raise BenchError(f"there is no kind {kind!r} to list{suggestion(kind, KINDS)}")
     if name:
-        rows = listing_rows(kind, suite)[kind]
-        chosen = [row for row in rows if row["name"] == name.partition("(")[0].strip()]
-        if not chosen:
-            known = [row["name"] for row in rows]
-            raise BenchError(
-                f"there is no {name!r} among the {kind}{suggestion(name, known, f'proxbench list {kind}')}"
-            )
-        return {kind: chosen}
+        entries, bare_name = listing_rows(kind, suite, has_sizes=has_sizes), name.partition("(")[0].strip()
+        chosen = {key: [row for row in rows if row["name"] == bare_name] for key, rows in entries.items()}
+        if not any(chosen.values()):
+            known = [row["name"] for rows in entries.values() for row in rows]
+            kinds, command = kind or f"{', '.join(KINDS[:-1])} and {KINDS[-1]}", f"proxbench list {kind}".strip()
+            raise BenchError(f"there is no {name!r} among the {kinds}{suggestion(name, known, command)}")
+        return {key: rows for key, rows in chosen.items() if rows}
     if suite:
         if kind != "problems":
             raise BenchError(f"--suite applies to problems only; use: proxbench list problems --suite {suite}")

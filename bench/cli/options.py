@@ -93,22 +93,22 @@ def with_option_names(message: str) -> str:
     return re.sub(r"`([a-z_]+)(?:=True)?`", lambda match: option_name(_OPTION_NAMES.get(match[1], match[1])), message)
 
 
-def require_absent(names: Iterable[str], given: Collection[str], reason: str) -> None:
+def require_absent(names: Iterable[str], specified: Collection[str], reason: str) -> None:
     """Raise ``BenchError`` with a reason if one of these parameters is given."""
     from ..errors import BenchError
 
     for name in names:
-        if name in given:
+        if name in specified:
             option = "SCENE" if name == "scene" else option_name(name)
             raise BenchError(f"{option} {reason}; omit {option}.")
 
 
-def require_exclusive(name: str, others: Iterable[str], given: Collection[str]) -> None:
+def require_exclusive(name: str, others: Iterable[str], specified: Collection[str]) -> None:
     """Raise ``BenchError`` if a parameter is given together with one of the others."""
     from ..errors import BenchError
 
     for other in others:
-        if name in given and other in given:
+        if name in specified and other in specified:
             raise BenchError(
                 f"{option_name(name)} and {option_name(other)} are mutually exclusive; give only one of them."
             )

@@ -59,15 +59,15 @@ def _is_simulation(result: Path) -> bool:
     return result.suffix == ".npz" and not result.is_dir()
 
 
-def _require_consistent_options(result: Path, given: Collection[str], charts: bool) -> None:
+def _require_consistent_options(result: Path, specified: Collection[str], charts: bool) -> None:
     """Raise ``BenchError`` if options of ``report`` contradict each other or the result."""
     if _is_simulation(result):
         run_options = ("problem", "page", "baseline", "profiles", "residual")
-        options.require_absent(run_options, given, f"applies to runs, but {result} is a simulation")
-    options.require_exclusive("problem", ("page", "baseline", "profiles", "quiet"), given)
-    options.require_exclusive("page", ["profiles"], given)
+        options.require_absent(run_options, specified, f"applies to runs, but {result} is a simulation")
+    options.require_exclusive("problem", ("page", "baseline", "profiles", "quiet"), specified)
+    options.require_exclusive("page", ["profiles"], specified)
     if not charts:
-        options.require_absent(["page", "profiles"], given, "draws charts, but --no-charts omits them")
+        options.require_absent(["page", "profiles"], specified, "draws charts, but --no-charts omits them")
 
 
 def report_run(

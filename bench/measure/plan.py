@@ -14,7 +14,7 @@ from ..errors import BenchError
 from ..plugins.descriptions import solver_spec
 from ..plugins.solver_specs import SolverSpec, warm_variant
 from ..store.plans import PlanRecord, RunSettings
-from .selection import Given, problem_name, require_unique, select, select_shard
+from .selection import ProblemSource, problem_name, require_unique, select, select_shard
 from .trajectories.methods import Method
 
 DEFAULT_SOLVERS = (
@@ -80,7 +80,7 @@ class Plan(Generic[Measured]):
 
 
 def make_plan(
-    problems: Sequence[Given] | None = None,
+    problems: Sequence[ProblemSource] | None = None,
     solvers: Sequence[str | Solver] | None = None,
     settings: RunSettings | None = None,
     *,

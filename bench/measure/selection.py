@@ -18,7 +18,7 @@ from ...problems.exchange.folder import Member, list_folder
 from ..errors import BenchError
 from ..plugins.problems import check_known, check_numbers, resolve_problem
 
-Given = str | Path | ContactProblem
+ProblemSource = str | Path | ContactProblem
 """A problem, its name or file, or a folder of files."""
 
 
@@ -40,7 +40,7 @@ class Selection:
 
 
 def select(
-    problems: Sequence[Given] | None,
+    problems: Sequence[ProblemSource] | None,
     suite: str | Path,
     sample: int | None = None,
     seed: int = 0,
@@ -129,16 +129,16 @@ class _Candidate:
     source: str | ContactProblem | Member
 
 
-def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], list[str]]:
+def _candidates(requested: Sequence[ProblemSource]) -> tuple[list[_Candidate], list[str], list[str]]:
     """Return all given problems, the reasons for skipped files, and the names of the folders."""
-    for item in given:
+    for item in requested:
         _require_problem(item)
     known = set(problem_names())
-    names = [item for item in given if isinstance(item, str) and not is_path(item)]
+    names = [item for item in requested if isinstance(item, str) and not is_path(item)]
     check_known(name for name in names if not _is_folder(name, known))
     sources = {offer.name: offer.source for offer in plugin_problems()}
     candidates, left_out, folders = [], list[str](), list[str]()
-    for item in given:
+    for item in requested:
         if _is_folder(item, known):
             folder = list_folder(str(item))
             folders.append(folder.name)
@@ -155,11 +155,11 @@ def _candidates(given: Sequence[Given]) -> tuple[list[_Candidate], list[str], li
     return candidates, left_out, folders
 
 
-def _require_problem(given: object) -> None:
+def _require_problem(source: object) -> None:
     """Raise ``ProblemError`` if an object cannot denote a problem."""
-    if not isinstance(given, str | Path | ContactProblem):
+    if not isinstance(source, str | Path | ContactProblem):
         raise ProblemError(
-            f"`problems` must be names, files or contact problems, not {type(given).__name__}; for a matrix G, pass "
+            f"`problems` must be names, files or contact problems, not {type(source).__name__}; for a matrix G, pass "
             "ContactProblem.from_delassus(G, c, mu)."
         )
 
@@ -183,7 +183,7 @@ def _load_into(loaded: dict[str, str | ContactProblem], drawn: Sequence[_Candida
     return reasons
 
 
-def _members(suite: str | Path) -> tuple[tuple[Given, ...], str]:
+def _members(suite: str | Path) -> tuple[tuple[ProblemSource, ...], str]:
     """Return the members of a suite and its name; for a folder, the folder as the only member.
 
     Raises:
@@ -196,11 +196,11 @@ def _members(suite: str | Path) -> tuple[tuple[Given, ...], str]:
     return (Path(suite),), str(suite)
 
 
-def _is_folder(given: Given, known: set[str]) -> bool:
+def _is_folder(source: ProblemSource, known: set[str]) -> bool:
     """Return whether problems are given as a folder; the name of a problem takes precedence."""
-    if isinstance(given, ContactProblem) or given in known:
+    if isinstance(source, ContactProblem) or source in known:
         return False
-    return os.path.isdir(given)
+    return os.path.isdir(source)
 
 
 def _load_member(member: Member) -> ContactProblem:

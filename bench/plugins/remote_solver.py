@@ -173,6 +173,7 @@ class RemotePrepared:
         iterations: Any = answer.get("observed_iterations")
         n_rows = self.problem.n_rows
         if answer_fault(answer) or not are_iterations(iterations) or len(content) != 8 * n_rows * (len(iterations) + 1):
+            self.solver.close()
             raise self.solver.failure(invalid_answer_fault())
         rows = np.frombuffer(content, dtype=np.float64).reshape(len(iterations) + 1, n_rows)
         if observe is not None:

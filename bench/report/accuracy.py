@@ -350,9 +350,9 @@ def problems_table(frames: RunFrames) -> pd.DataFrame:
     return table.assign(residual=names.map(best["residual"]), best=solvers)
 
 
-def _counts(names: "pd.Series[str]", found: "pd.Series[str]") -> "pd.Series[int]":
+def _counts(names: "pd.Series[str]", occurrences: "pd.Series[str]") -> "pd.Series[int]":
     """Return the number of occurrences of each name."""
-    return names.map(found.value_counts()).fillna(0).astype(int)
+    return names.map(occurrences.value_counts()).fillna(0).astype(int)
 
 
 def _rows_of_least(rows: pd.DataFrame, column: str) -> pd.DataFrame:

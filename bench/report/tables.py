@@ -66,8 +66,8 @@ _FAMILIES = (
 )
 """Legend of the table by family."""
 
-_FEWER_OF_FAMILIES = "(n): over n of them, because times of the others are excluded; –: over none."
-"""Continuation of ``_FAMILIES`` if excluded times reduce the problems of a mean."""
+_FEWER = "(n): over n of them, because times of the others are excluded; –: over none."
+"""Continuation of legends if excluded times reduce the problems of a mean."""
 
 _STARTS = (
     "From zero (cold) and from the answer to the step before (warm): solved steps, and over those solved both ways the "
@@ -312,7 +312,7 @@ def _summary_legend(summary: pd.DataFrame) -> str:
     """Return the legend of a summary that is not empty."""
     common = int(summary["common"].iloc[0])
     own = "own mean: over all problems that the solver supports."
-    fewer = " (n): over n of them, because times of the others are excluded."
+    fewer = f" {_FEWER}"
     if compares_all(summary):
         means = f"mean: shifted geometric mean time over {counted(common, 'problem')}, failures at the time limit."
     elif common:
@@ -329,7 +329,7 @@ def _summary_legend(summary: pd.DataFrame) -> str:
 
 
 def _family_legend(table: pd.DataFrame) -> str:
-    return f"{_FAMILIES} {_FEWER_OF_FAMILIES}" if _has_fewer(table) else _FAMILIES
+    return f"{_FAMILIES} {_FEWER}" if _has_fewer(table) else _FAMILIES
 
 
 def _markdown_head(frames: RunFrames) -> str:

@@ -197,13 +197,13 @@ def changed(plan: SimulationPlan, **changes: Any) -> SimulationPlan:
     return make_simulation_plan(**{**arguments, **changes})
 
 
-def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str) -> None:
-    """Check that given values agree with the plan of a simulation that is resumed.
+def check_agreement(plan: SimulationPlan, expected: Mapping[str, Any], source: str) -> None:
+    """Check that expected values agree with the plan of a simulation that is resumed.
 
     Args:
         plan: the stored plan.
-        given: values by the names of ``PlanRecord``. The scene, with or without options, and ``states`` must equal the
-            stored ones. A variable stepper may be replaced by another variable stepper. Other values may differ.
+        expected: values by the names of ``PlanRecord``. The scene, with or without options, and ``states`` must equal
+            the stored ones. A variable stepper may be replaced by another variable stepper. Other values may differ.
         source: name of the stored simulation in messages.
 
     Raises:
@@ -211,27 +211,27 @@ def check_agreement(plan: SimulationPlan, given: Mapping[str, Any], source: str)
         ProxbenchError: for an unknown option, or a value out of range.
     """
     stored = {**msgspec.structs.asdict(plan.record), **plan.scene.options}
-    for name, value in _required_values(plan, given):
+    for name, value in _required_values(plan, expected):
         if name not in stored or value != stored[name]:
             holds = f"{name} {_value_text(stored[name])}" if name in stored else f"no {name}"
             raise BenchError(f"{name} {_value_text(value)} contradicts {source}, which has {holds}; omit it to resume.")
 
 
-def _required_values(plan: SimulationPlan, given: Mapping[str, Any]) -> list[tuple[str, Any]]:
+def _required_values(plan: SimulationPlan, expected: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """Return the names and values that must equal the stored ones."""
     values: list[tuple[str, Any]] = []
-    if "scene" in given:
-        name, options = parse_scene(given["scene"])
+    if "scene" in expected:
+        name, options = parse_scene(expected["scene"])
         values.append(("scene", name))
         if name == plan.scene.name:
             values += [(option, convert_option(name, option, value)) for option, value in options.items()]
-    if "stepper" in given:
-        stepper = given["stepper"]
+    if "stepper" in expected:
+        stepper = expected["stepper"]
         new_stepper = (make_stepper(stepper) if isinstance(stepper, str) else stepper).with_defaults_of(plan.scene)
         if not (isinstance(new_stepper, VariableStepper) and isinstance(plan.stepper, VariableStepper)):
             values.append(("stepper", new_stepper.name))
-    if "states" in given:
-        values.append(("states", given["states"]))
+    if "states" in expected:
+        values.append(("states", expected["states"]))
     return values
 
 

@@ -33,7 +33,8 @@ OnProgress = Callable[[Simulation], None]
 """Called after every step with the simulation so far."""
 
 BYTES_PER_ROW = 400
-"""Lower bound of the memory of a step per row of its contacts [bytes]; heaps of 16 000 and 64 000 balls take 450."""
+"""Lower bound of the memory of a step per row of its contacts [bytes]. Steps with ``SORprox`` take 440 bytes per row on
+a square lattice of balls, and 650 on a cubic one."""
 
 CHECKPOINT_SECONDS = 10.0
 """Wall time between two writes of the result file [s]."""
@@ -84,7 +85,7 @@ def simulate(
 
 def resume_simulation(
     file: Path,
-    given: Mapping[str, object] | None = None,
+    expected: Mapping[str, object] | None = None,
     *,
     duration: float | None = None,
     solver: Solver | None = None,
@@ -97,30 +98,33 @@ def resume_simulation(
 
     Args:
         file: the result file, to which steps are added.
-        given: expected values of the plan, see ``plan.check_agreement``. Another solver, tolerance, number of
+        expected: values of the plan, see ``plan.check_agreement``. Another solver, tolerance, number of
             iterations, start or variable stepper applies to the remaining steps, for example after a failed step.
         duration: simulated time from the start [s]; as planned if None.
         solver: the solver, if ``create`` does not know it by its name.
         hooks: see ``Hooks``.
 
     Raises:
-        BenchError: if the file is missing, damaged or foreign, contradicts ``given``, or has already passed
+        BenchError: if the file is missing, damaged or foreign, contradicts ``expected``, or has already passed
             ``duration``; or if memory does not suffice.
         FailedSimulationError: as in ``simulate``.
     """
-    simulation = resumable_simulation(file, given, duration, solver)
+    simulation = resumable_simulation(file, expected, duration, solver)
     advance(simulation, **hooks)
     return simulation
 
 
 def resumable_simulation(
-    file: Path, given: Mapping[str, object] | None = None, duration: float | None = None, solver: Solver | None = None
+    file: Path,
+    expected: Mapping[str, object] | None = None,
+    duration: float | None = None,
+    solver: Solver | None = None,
 ) -> Simulation:
     """Return a stored simulation that can be continued; for arguments and errors see ``resume_simulation``."""
     simulation = read_simulation(file, solver)
-    expected = dict(given or {})
-    check_agreement(simulation.plan, expected, str(file))
-    changes: dict[str, Any] = {name: expected[name] for name in REPLACEABLE if name in expected}
+    expected_values = dict(expected or {})
+    check_agreement(simulation.plan, expected_values, str(file))
+    changes: dict[str, Any] = {name: expected_values[name] for name in REPLACEABLE if name in expected_values}
     if duration is not None:
         changes["duration"] = duration
     plan = changed(simulation.plan, **changes)

@@ -126,29 +126,29 @@ def scene_values(scene: Scene, state: State) -> SceneValues:
     return SceneValues(scene.kinetic_energy(state.velocity), potential, observed)
 
 
-def step_row(scene: Scene, taken: AcceptedStep, values: SceneValues, statuses: Sequence[str]) -> StepRow:
+def step_row(scene: Scene, accepted: AcceptedStep, values: SceneValues, statuses: Sequence[str]) -> StepRow:
     """Judge one accepted step.
 
     Args:
         scene: the scene.
-        taken: the step.
+        accepted: the step.
         values: energies and observables at the end of the step.
         statuses: texts by the stored status.
     """
-    state = taken.end
-    solved = [step for step, _ in taken.substeps]
+    state = accepted.end
+    solved = [step for step, _ in accepted.substeps]
     residuals = [judged_residual(step) for step in solved]
     worst = residuals.index(max(residuals)) if residuals else None
     status = None if worst is None else solved[worst].status
     contacts = solved[-1].contacts if solved else None
-    solves = list(_solves(taken))
+    solves = list(_solves(accepted))
     depth, impact = _depths(solves)
     return StepRow(
         time=state.time,
-        length=state.time - taken.begin.time,
-        error=taken.error,
-        solves=taken.solves,
-        rejected=taken.rejected,
+        length=state.time - accepted.begin.time,
+        error=accepted.error,
+        solves=accepted.solves,
+        rejected=accepted.rejected,
         contacts=0 if contacts is None else contacts.n_contacts,
         iterations=sum(step.iterations for step in solved),
         residual=max(residuals, default=0.0),
@@ -159,7 +159,7 @@ def step_row(scene: Scene, taken: AcceptedStep, values: SceneValues, statuses: S
         penetration=depth / scene.length,
         impact_depth=impact / scene.length,
         overlap=max((step.overlap for step in solved), default=0.0) / scene.length,
-        seconds=taken.seconds,
+        seconds=accepted.seconds,
         observed=values.observed,
     )
 

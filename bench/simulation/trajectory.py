@@ -234,20 +234,20 @@ class Simulation:
         """Whether fast contacts hide the errors of others in each step, shape (n_steps,)."""
         return hides_contacts(self.steps["residual"], self.steps["local_residual"])
 
-    def append(self, row: StepRow, taken: AcceptedStep) -> None:
+    def append(self, row: StepRow, step: AcceptedStep) -> None:
         """Add one accepted step with its row, and discard a step that an interruption left incomplete."""
         progress = self._progress
         self._rows.truncate(progress.n_steps)
         self._switches.truncate(progress.n_switches)
         self._rows.append(row.values)
-        for switch in taken.switches:
+        for switch in step.switches:
             self._switches.append(_switch_row(switch))
         segments = extended(progress.segments, self.plan, progress.n_steps)
-        n_switches = progress.n_switches + len(taken.switches)
-        self._progress = _Progress(progress.n_steps + 1, n_switches, taken.end, taken.states, segments)
-        if taken.switches:
-            self.kept_states.offer(taken.begin, True)
-        self.kept_states.offer(taken.end, bool(taken.switches))
+        n_switches = progress.n_switches + len(step.switches)
+        self._progress = _Progress(progress.n_steps + 1, n_switches, step.end, step.states, segments)
+        if step.switches:
+            self.kept_states.offer(step.begin, True)
+        self.kept_states.offer(step.end, bool(step.switches))
 
     def restore(
         self,
@@ -277,12 +277,12 @@ class Simulation:
         self.kept_states.offer(state)
 
 
-def describe_switches(found: Sequence[SwitchEvent]) -> str:
+def describe_switches(events: Sequence[SwitchEvent]) -> str:
     """Return the numbers of switching points and of their instants, in words; each law that switches counts once."""
-    if not found:
+    if not events:
         return "no switching points"
-    instants = len({event.time for event in found})
-    return f"{counted(len(found), 'switching point')} at {counted(instants, 'instant')}"
+    instants = len({event.time for event in events})
+    return f"{counted(len(events), 'switching point')} at {counted(instants, 'instant')}"
 
 
 def _switch_row(switch: SwitchingPoint) -> tuple[float, ...]:

@@ -130,8 +130,10 @@ def unfinished(frames: RunFrames) -> list[str]:
 
     A case is missing if it was not reached, if its worker was lost, or if its file was deleted or is damaged.
     """
-    if frames.is_finished:
-        return []
+    return [] if frames.is_finished else [f"UNFINISHED: {_unfinished_sentence(frames)}"]
+
+
+def _unfinished_sentence(frames: RunFrames) -> str:
     plan, begun = frames.info.plan, len(frames.cases) - frames.n_finished
     known = set(zip(frames.cases["problem"], frames.cases["solver"], strict=True))
     planned = product(plan.problems, plan.solvers)
@@ -140,51 +142,65 @@ def unfinished(frames: RunFrames) -> list[str]:
     named = f"; missing: {', '.join(missing[:MAX_MISSING])}{more}" if known and missing else ""
     partly = f", {begun} more in part" if begun else ""
     counts = f"{frames.n_finished} of {frames.n_planned} cases"
-    return [f"UNFINISHED: {counts} are measured{partly}{named}; resume with: {_resume_command(frames)}"]
+    return f"{counts} are measured{partly}{named}; resume with: {_resume_command(frames)}"
 
 
 def warnings(frames: RunFrames) -> list[str]:
-    """Return the warnings of a run, such as missing cases or an unsteady machine."""
-    texts = unfinished(frames)
+    """Return the warnings of a run, such as missing cases or an unsteady machine, each after a keyword in capitals."""
+    marked = f", and marked {EXCLUDED_MARK} in the cells that show them"
+    return [f"{keyword}: {sentence}" for keyword, sentence in _warnings_by_keyword(frames, marked).items()]
+
+
+def _warnings_by_keyword(frames: RunFrames, marked: str = "") -> dict[str, str]:
+    """Return the warnings of a run by keyword; ``marked`` is a clause about the mark of excluded times."""
+    sentences: dict[str, str] = {}
+    if not frames.is_finished:
+        sentences["UNFINISHED"] = _unfinished_sentence(frames)
     if len(frames.cases) and not frames.is_study and not frames.cases["n_rows"].any():
-        texts.append("EMPTY: no problem of this run has a contact, so nothing was solved; choose other problems")
+        sentences["EMPTY"] = "no problem of this run has a contact, so nothing was solved; choose other problems"
     if excluded := excluded_points(frames):
         counts = f"{excluded} of {int((frames.points['status'] == Status.SOLVED).sum())} times"
-        texts.append(
-            f"EXCLUDED: {counts} were measured while other programs used the core or its speed changed; they are not "
-            f"compared, and marked {EXCLUDED_MARK} in the cells that show them; measure again on a quiet machine"
+        sentences["EXCLUDED"] = (
+            f"{counts} were measured while other programs used the core or its speed changed; they are not "
+            f"compared{marked}; measure again on a quiet machine"
         )
     if busy_cores(frames.info) > MAX_BUSY_CORES:
-        texts.append(
-            f"BUSY: other programs kept {busy_cores(frames.info):.1f} of the other cores busy while solves were timed; "
+        sentences["BUSY"] = (
+            f"other programs kept {busy_cores(frames.info):.1f} of the other cores busy while solves were timed; "
             "times are not comparable with those of another run; measure again on a quiet machine"
         )
     if drift(frames) > MAX_DRIFT:
-        texts.append(
-            f"UNSTEADY: the speed of the core changed by a factor of {drift(frames):.2f} during the run; times of "
+        sentences["UNSTEADY"] = (
+            f"the speed of the core changed by a factor of {drift(frames):.2f} during the run; times of "
             "different problems are not comparable; measure again on a quiet machine"
         )
+    return sentences | _warnings_of_machines(frames)
+
+
+def _warnings_of_machines(frames: RunFrames) -> dict[str, str]:
+    """Return the warnings about the settings and the differences of the machines of a run, by keyword."""
+    sentences: dict[str, str] = {}
     machines = [frames.info.machine, *(session.machine for session in frames.info.sessions)]
     settings = dict.fromkeys(f"{name}={value}" for machine in machines for name, value in machine.settings.items())
     if settings:
-        texts.append(
-            f"SETTINGS: measured with {', '.join(settings)}, which changes times, by a factor that depends on the "
+        sentences["SETTINGS"] = (
+            f"measured with {', '.join(settings)}, which changes times, by a factor that depends on the "
             "solver; unset it and measure again"
         )
     measured = hosts(frames)
     if len(measured) > 1:
         shares = ", ".join(f"{name or 'unknown'}: {count} problems" for name, count in measured.items())
-        texts.append(
-            f"MACHINES: measured on {len(measured)} machines ({shares}), each problem on one of them; times of "
+        sentences["MACHINES"] = (
+            f"measured on {len(measured)} machines ({shares}), each problem on one of them; times of "
             "different problems are not comparable"
         )
     mixed = session_differences(frames)
     if mixed:
-        texts.append(
-            f"MIXED: the run was measured in several sessions that differ ({'; '.join(mixed)}); times of different "
+        sentences["MIXED"] = (
+            f"the run was measured in several sessions that differ ({'; '.join(mixed)}); times of different "
             "sessions are not comparable; measure again in a single session"
         )
-    return texts
+    return sentences
 
 
 def residual_note(frames: RunFrames) -> list[str]:
@@ -212,3 +228,9 @@ def steadiness(frames: RunFrames) -> str:
 def run_state(frames: RunFrames) -> list[str]:
     """Return the warnings, the kind of the residuals if it is not the usual one, and the steadiness of the machine."""
     return [*warnings(frames), *residual_note(frames), steadiness(frames)]
+
+
+def chart_notes(frames: RunFrames) -> list[str]:
+    """Return ``run_state`` for a chart: the warnings are sentences without keywords, and without marks of tables."""
+    sentences = [sentence[0].upper() + sentence[1:] for sentence in _warnings_by_keyword(frames).values()]
+    return [*sentences, *residual_note(frames), steadiness(frames)]

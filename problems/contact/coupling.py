@@ -9,7 +9,7 @@ bounds it. The connected components of this graph are independent contact proble
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
@@ -141,9 +141,10 @@ def components_over_pieces(piece_starts, chunks, values, n_chunks, partner):  # 
 @njit(cache=True, error_model="numpy")
 def _root_of(root, contact):  # type: ignore[no-untyped-def]
     """Return the root of the set of a contact, and halve the path to it."""
-    while root[contact] != contact:
-        root[contact] = root[root[contact]]
-        contact = root[contact]
+    parent = root[uint64(contact)]  # unsigned indices need no test for negative ones
+    while parent != contact:
+        root[uint64(contact)] = contact = root[uint64(parent)]
+        parent = root[uint64(contact)]
     return contact
 
 
@@ -154,12 +155,12 @@ def _components_over_balls(chunks, n_balls, partner):  # type: ignore[no-untyped
     for contact in range(len(partner)):
         first = _root_of(root, chunks[2 * contact])
         for ball in (chunks[2 * contact + 1], chunks[2 * partner[contact]]):
-            if ball < n_balls:
+            if ball < n_balls and root[uint64(ball)] != first:
                 other = _root_of(root, ball)
                 root[max(first, other)] = first = min(first, other)
     component, count = np.empty(len(partner), dtype=np.int64), 0
     for contact in range(len(partner)):
-        own = _root_of(root, chunks[2 * contact])
+        own = uint64(_root_of(root, chunks[2 * contact]))
         if number[own] < 0:
             number[own] = count
             count += 1

@@ -91,17 +91,19 @@ class Residual:
         """The connected component of each law, shape (n_laws,)."""
         return self._contacts[self._layout.contact_of_row[self._rows[2]]]
 
-    def largest_held(self, impulses: FloatArray) -> float:
+    def largest_diagonal_term(self, impulses: FloatArray) -> float:
         """Return the largest G_hh |Λ_h| over all rows h, each times ratio and length of its law [m/s]."""
         _, row_count, first_row = self._rows
-        return float(find_largest_held(row_count, first_row, self.ratios, self.lengths, self._diagonal, impulses))
+        return float(
+            find_largest_diagonal_term(row_count, first_row, self.ratios, self.lengths, self._diagonal, impulses)
+        )
 
     def rounding(self, impulses: FloatArray) -> float:
         """Return an estimate of the residual that plain arithmetic cannot distinguish from zero at Λ [N s], (n_rows,).
 
         It is the effect on ξ of rounding Λ and a few hundred terms of its size.
         """
-        return RESOLUTION * self.largest_held(impulses) / self.scale if self.scale > 0.0 else 0.0
+        return RESOLUTION * self.largest_diagonal_term(impulses) / self.scale if self.scale > 0.0 else 0.0
 
     def judged(self, problem: ContactProblem, impulses: FloatArray) -> float:
         """Return the judge's residual of Λ [N s], shape (n_rows,), for the problem of this object.
@@ -202,13 +204,13 @@ def _unit(scale: float) -> float:
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def find_largest_held(row_count, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
+def find_largest_diagonal_term(row_count, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
     """Return the largest ratio · length · |G_hh Λ_h| over the rows of all laws; NaN if one is NaN."""
     largest = 0.0
     for law in range(len(row_count)):
         for row in range(first_row[law], first_row[law] + row_count[law]):
-            held = ratios[law] * lengths[law] * abs(diagonal[row] * impulses[row])
-            largest = held if held > largest or held != held else largest
+            term = ratios[law] * lengths[law] * abs(diagonal[row] * impulses[row])
+            largest = term if term > largest or term != term else largest
     return largest
 
 

@@ -16,27 +16,28 @@ from ...problems.contact.problem import ContactProblem
 MAX_STEPS = 20
 """Largest time of a window of sweeps or of a cone program, in interior-point steps."""
 
-SWEPT_ROW, SWEPT_ROW_OF_ANY_LAW = 1e-8, 5e-8
+SWEEP_SECONDS_PER_ROW, GENERAL_SWEEP_SECONDS_PER_ROW = 1e-8, 5e-8
 """Seconds per row of a sweep over contacts alone, and of a sweep over a problem with joints or rolling friction."""
 
-STEP, STEPPED_BLOCK, OPERATION = 3e-4, 5e-6, 1 / 15e9
+STEP_SECONDS, STEP_SECONDS_PER_BLOCK, STEP_SECONDS_PER_OPERATION = 3e-4, 5e-6, 1 / 15e9
 """Seconds of an interior-point step: the constant part, per block, and per operation of its factorisation."""
 
-PROGRAM_OPERATION = 20 / 3e9
+PROGRAM_SECONDS_PER_OPERATION = 20 / 3e9
 """Seconds of a cone program for each operation of a factorisation."""
 
 
 def sweep_seconds(problem: ContactProblem) -> float:
     """Return the nominal seconds of a sweep."""
     layout = problem.layout
-    return (SWEPT_ROW if layout.has_contacts_only else SWEPT_ROW_OF_ANY_LAW) * layout.n_blocks * layout.width
+    seconds_per_row = SWEEP_SECONDS_PER_ROW if layout.has_contacts_only else GENERAL_SWEEP_SECONDS_PER_ROW
+    return seconds_per_row * layout.n_blocks * layout.width
 
 
 def step_seconds(problem: ContactProblem, operations: float) -> float:
     """Return the nominal seconds of an interior-point step whose factorisation takes ``operations``."""
-    return STEP + STEPPED_BLOCK * problem.layout.n_blocks + OPERATION * operations
+    return STEP_SECONDS + STEP_SECONDS_PER_BLOCK * problem.layout.n_blocks + STEP_SECONDS_PER_OPERATION * operations
 
 
 def program_seconds(operations: float) -> float:
     """Return the nominal seconds of a cone program if a factorisation takes ``operations``."""
-    return PROGRAM_OPERATION * operations
+    return PROGRAM_SECONDS_PER_OPERATION * operations

@@ -30,7 +30,7 @@ REFINEMENTS = 8
 NO_JAM = 0.99
 """Value of (μ‖g_NT‖/G_NN)² below which friction cannot close a contact that opens without friction."""
 
-STRAY = 1e-13
+ROUNDING_TOLERANCE = 1e-13
 """Velocities in the wrong direction and excesses over a bound count as rounding errors up to this share of their
 terms."""
 
@@ -71,7 +71,7 @@ def solve_planar(nn, nt, tn, tt, qn, qt, mu, a, old_n, old_t):  # type: ignore[n
     # stick: s Λ_T + r = 0, Λ_N = n0 − h Λ_T
     n0, h = -qn / nn, nt / nn
     s, r = tt - tn * h, qt + tn * n0
-    rounding = STRAY * (abs(qt) + abs(tn * n0))
+    rounding = ROUNDING_TOLERANCE * (abs(qt) + abs(tn * n0))
     if abs(s) > SINGULAR * tt:
         t = -r / s
         n = n0 - h * t
@@ -190,7 +190,7 @@ def solve_spatial(g, qn, q1, q2, mu, a, old_n, old_1, old_2, work):  # type: ign
     n0, h1, h2 = -qn / nn, g[1] / nn, g[2] / nn
     s11, s12, s21, s22 = g[4] - g[3] * h1, g[5] - g[3] * h2, g[7] - g[6] * h1, g[8] - g[6] * h2
     r1, r2 = q1 + g[3] * n0, q2 + g[6] * n0
-    rounding = STRAY * max(abs(q1) + abs(g[3] * n0), abs(q2) + abs(g[6] * n0))
+    rounding = ROUNDING_TOLERANCE * max(abs(q1) + abs(g[3] * n0), abs(q2) + abs(g[6] * n0))
     n, t1, t2, is_consistent = _on_disc(
         s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, scale, rounding, old_1, old_2, work
     )
@@ -301,7 +301,7 @@ def _slip(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, u, v):  # type: ignore[
     along = (x + r1) * u + (y + r2) * v
     across = abs((y + r2) * u - (x + r1) * v)
     size = abs(x) + abs(y) + abs(r1) + abs(r2)
-    return n, t1, t2, max(along, across) - STRAY * size
+    return n, t1, t2, max(along, across) - ROUNDING_TOLERANCE * size
 
 
 @njit(cache=True, error_model="numpy")
@@ -368,7 +368,7 @@ def _stick_along_line(s11, s12, s21, s22, r1, r2, n0, h1, h2, mu, a, old_1, old_
         t1, t2 = x * u1 + y * v1, x * u2 + y * v2
         n = n0 - h1 * t1 - h2 * t2
         bound = a + mu * n
-        if n >= 0.0 and bound >= 0.0 and x * x + y * y <= bound * bound * (1.0 + STRAY):
+        if n >= 0.0 and bound >= 0.0 and x * x + y * y <= bound * bound * (1.0 + ROUNDING_TOLERANCE):
             return t1, t2, True
         if abs(slope) < 1.0:  # at the next y, the bound exceeds ‖Λ_T‖ most, if it does so anywhere
             if attempt > 0:

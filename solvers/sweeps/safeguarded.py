@@ -5,7 +5,7 @@ even if each is solved exactly, and it is unknown beforehand which contacts will
 the step of the method. At intervals, the last increment of each contact, d = Λ^ν − Λ^(ν−1), is compared with the
 previous one, d'. If they are opposed and do not shrink, in the norm of √α Λ (the contact's own scale of energy),
 
-    dᵀd' < −OPPOSED ‖d‖ ‖d'‖      and      ‖d‖ > SHRINKS ‖d'‖,
+    dᵀd' < −OPPOSED ‖d‖ ‖d'‖      and      ‖d‖ > MAX_CONTRACTION_FACTOR ‖d'‖,
 
 the step of the contact is reduced permanently. Contacts that converge keep their step, and a problem without
 oscillation gets the same iterates as without the safeguard.
@@ -28,7 +28,7 @@ that comparisons meet a cycle of several iterates in different phases."""
 OPPOSED = 0.5
 """Increments are opposed if the cosine of their angle is below minus this value."""
 
-SHRINKS = 0.9
+MAX_CONTRACTION_FACTOR = 0.9
 """Increments that shrink to this fraction or less per sweep are accepted."""
 
 STEP_REDUCTION = 0.6
@@ -136,7 +136,7 @@ def reduce_opposed_steps(  # type: ignore[no-untyped-def]
             newer += weight * b * b
             impulse += weight * (newest_impulses[k + lane] * newest_impulses[k + lane])
         is_opposed = product < -OPPOSED * np.sqrt(older * newer)
-        if is_opposed and newer > SHRINKS**2 * older and newer > ROUNDING**2 * impulse:
+        if is_opposed and newer > MAX_CONTRACTION_FACTOR**2 * older and newer > ROUNDING**2 * impulse:
             fraction[i] = max(STEP_REDUCTION * fraction[i], MIN_FRACTION)
             has_reduced_step = True
     return has_reduced_step

@@ -83,7 +83,7 @@ def trial_of(solver: Solver, problem: ContactProblem) -> Trial | None:
 
 
 @given(problem=problems, solver=solvers)
-def test_a_solver_is_true_to_its_status_and_to_the_known_answer(problem: ContactProblem, solver: Solver) -> None:
+def test_status_of_a_solver_is_true_and_its_answer_is_a_known_one(problem: ContactProblem, solver: Solver) -> None:
     digest = problem.digest
     trial = trial_of(solver, problem)
     assert problem.fresh().digest == digest
@@ -93,7 +93,9 @@ def test_a_solver_is_true_to_its_status_and_to_the_known_answer(problem: Contact
 
 @pytest.mark.slow
 @given(problem=problems, solver=solvers)
-def test_a_solve_repeats_itself_and_ends_at_once_at_its_own_solution(problem: ContactProblem, solver: Solver) -> None:
+def test_a_solve_is_reproducible_and_accepts_its_own_solution_as_a_start(
+    problem: ContactProblem, solver: Solver
+) -> None:
     trial = trial_of(solver, problem)
     if trial is None or trial.solution.status is Status.TIME_LIMIT:
         return
@@ -196,7 +198,7 @@ def left_by_copies(problem: ContactProblem, impulses: FloatArray) -> float:
     and ‖ξ‖ = ε/φ. L is at most the largest G_hh |Λ_h|.
     """
     residual = Residual(problem)
-    held = residual.largest_held(impulses) / residual.scale if residual.scale > 0.0 else 0.0
+    held = residual.largest_diagonal_term(impulses) / residual.scale if residual.scale > 0.0 else 0.0
     return float(TOLERANCE ** (2.0 / 3.0) * (0.5 * held) ** (1.0 / 3.0))
 
 

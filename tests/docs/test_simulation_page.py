@@ -9,7 +9,7 @@ import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.trajectory import Simulation
 from proxbench.bench.simulation.view.table import print_simulation
-from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.scenes.registry import SCENES, make_scene
 from proxbench.problems.motion.scenes.woodpecker import SWITCH_EVENTS
 from proxbench.problems.motion.stepping.registry import STEPPERS
 from proxbench.problems.motion.stepping.switch_search import SEARCHES
@@ -47,8 +47,9 @@ def test_every_other_stepper_and_its_options_are_named(name: str) -> None:
 def test_every_search_and_the_longest_steps_are_named() -> None:
     table = options_table()
     assert re.findall(r"`'(\w+)'`", table["search"][0]) == list(SEARCHES)
-    longest = (make_scene("woodpecker").longest_step, make_scene("pile", {"balls": 1}).longest_step)
-    assert f"{longest[0]:g} for the woodpecker, {longest[1]:g} for balls" in table["max_step"][0]
+    assert "`None`: 0.002 for the funnel and the pile, 0.02 for other scenes" in table["max_step"][0]
+    longest_steps = {name: make_scene(name).longest_step for name in SCENES}
+    assert longest_steps == {name: 2e-3 if name in ("funnel", "pile") else 2e-2 for name in SCENES}
 
 
 def test_the_columns_of_a_pour_are_those_that_are_printed() -> None:

@@ -73,10 +73,11 @@ def judge_answers(
 def judge_control_solves(
     problem: ContactProblem, model: Model, point: Point, solves: Sequence[ControlSolve], place: str
 ) -> Point:
-    """Judge the control solves of a point, and return the point with the outcome of the first one that fails.
+    """Judge the control solves of a point, and return the point with the outcome of the worst one that fails.
 
-    A control solve that reaches its time limit does not change the outcome. A copy may be harder than the problem:
-    only false claims on it count, and its answers are not kept.
+    A false claim is worse than any other failure, and a larger residual is worse than a smaller one. A control solve
+    that reaches its time limit does not change the outcome. A copy may be harder than the problem: only false claims on
+    it count, and its answers are not kept.
 
     Args:
         problem: the problem.
@@ -85,14 +86,16 @@ def judge_control_solves(
         solves: first solves of the problem or of copies.
         place: description of these solves, for the reason.
     """
+    failures, measured = list[tuple[Outcome, float, Status]](), point.measured
     for solve in solves:
         own, coulomb = verdicts(solve.problem, solve.impulses, model)
-        outcome, measured = point_outcome(solve.timed.status, point.tolerance, model, own, coulomb), point.measured
+        outcome = point_outcome(solve.timed.status, point.tolerance, model, own, coulomb)
         is_copy = solve.problem is not problem
         if outcome in (Outcome.SOLVED, Outcome.RELAXED, Outcome.TIME_LIMIT):
             continue
         if is_copy and outcome is not Outcome.WRONG:
             continue
+        failures.append((outcome, number_of(own.residual), solve.timed.status))
         if not is_copy and measured is not None:
             measured = replace(
                 measured,
@@ -100,7 +103,8 @@ def judge_control_solves(
                 model_residual=max(measured.model_residual, own.residual, key=number_of),
                 impulses=worst([*measured.impulses, Impulses.of(solve.impulses, own, coulomb)]),
             )
-        reason = claim_reason(outcome, point.tolerance, model, own.residual) or f"it ends {outcome.value}"
-        status = solve.timed.status.value
-        return replace(point, outcome=outcome, status=status, reason=f"{place}, {reason}", measured=measured)
-    return point
+    if not failures:
+        return point
+    outcome, residual, status = max(failures, key=lambda failure: (failure[0] is Outcome.WRONG, failure[1]))
+    reason = claim_reason(outcome, point.tolerance, model, residual) or f"it ends {outcome.value}"
+    return replace(point, outcome=outcome, status=status.value, reason=f"{place}, {reason}", measured=measured)

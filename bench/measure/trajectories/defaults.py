@@ -65,9 +65,9 @@ def added_methods(scene: Scene, solvers: Iterator[SolverSpec]) -> Iterator[Metho
     fixed_stepper, variable_stepper = f"Moreau(step={2.0 * scene.step_size!r})", "Extrapolated"
     for solver in solvers:
         if scene.has_few_contacts:
-            yield make_method(solver_method_name(solver, variable_stepper), TOLERANCES, given=solver)
+            yield make_method(solver_method_name(solver, variable_stepper), TOLERANCES, specification=solver)
         else:
-            yield make_method(solver_method_name(solver, fixed_stepper), (1e-2, 1e-4), given=solver)
+            yield make_method(solver_method_name(solver, fixed_stepper), (1e-2, 1e-4), specification=solver)
 
 
 def default_reference(scene: Scene, trajectory: TrajectoryRecord) -> Method:

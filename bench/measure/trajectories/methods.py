@@ -80,7 +80,7 @@ def make_method(
     values: Sequence[float],
     tolerance: float = 1e-12,
     max_iterations: int = ITERATIONS,
-    given: SolverSpec | None = None,
+    specification: SolverSpec | None = None,
     *,
     start: str = DEFAULT_START,
 ) -> Method:
@@ -91,7 +91,7 @@ def make_method(
         values: the ladder, in any order.
         tolerance: tolerance of the solver if the stepper varies.
         max_iterations: iteration limit of each one-step solve.
-        given: specification of the solver; created from ``name`` if None.
+        specification: specification of the solver; created from ``name`` if None.
         start: name of the start of each solve.
 
     Raises:
@@ -112,7 +112,8 @@ def make_method(
     if invalid is not None or not ladder:
         raise BenchError(f"the ladder of {name!r:.200} needs values between 0 and 1, got {invalid or 'none'}.")
     make_stepper(stepper)
-    spec, stepper = given or solver_spec(solver.strip()), str(read_name(stepper, "stepper", EXAMPLE, BenchError))
+    spec = specification or solver_spec(solver.strip())
+    stepper = str(read_name(stepper, "stepper", EXAMPLE, BenchError))
     full_name = solver_method_name(spec, stepper) if varies_solver else f"{stepper}{WITH}{spec.name}"
     record = MethodRecord(
         name=full_name, values=ladder, tolerance=tolerance, max_iterations=max_iterations, start=start

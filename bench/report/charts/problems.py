@@ -12,7 +12,7 @@ import altair as alt
 import numpy as np
 import pandas as pd
 
-from ...store.condition import run_state
+from ...store.condition import chart_notes
 from ...store.frames import RunFrames
 from ...store.outcome import Outcome
 from ...store.store import plain_name
@@ -130,7 +130,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
             panel = cost_panel(styles, own, f"{error}, relative", work, legend, floor=floors.get(quantity))
             panels.append(panel.properties(width=WIDTH, height=HEIGHT))
         rows.append(side_by_side(panels, spacing=40))
-    notes = [*run_state(frames), _omission_note(frames, problem, points), motion_warning(trajectory)]
+    notes = [*chart_notes(frames), _omission_note(frames, problem, points), motion_warning(trajectory)]
     title = heading(headline(frames.info.plan, problem), notes, 2 * WIDTH + LEGEND_WIDTH)
     return stacked(rows, title, SEPARATE_LEGENDS, spacing=20)
 
@@ -147,7 +147,7 @@ def problem_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     ]
     case = frames.cases[frames.cases["problem"] == problem].iloc[0]
     size = f"{counted(int(case['n_contacts']), 'contact')}, {counted(int(case['n_rows']), 'row')}"
-    title = heading(problem, [size, *run_state(frames)], WIDTH + LEGEND_WIDTH)
+    title = heading(problem, [size, *chart_notes(frames)], WIDTH + LEGEND_WIDTH)
     return stacked(panels, title, SEPARATE_LEGENDS, spacing=20)
 
 

@@ -1,20 +1,20 @@
 """Charts of performance, data, accuracy and speed-up profiles, for the folder of a run and for its page."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import altair as alt
 import pandas as pd
 
-from ...store.condition import run_state
+from ...store.condition import chart_notes, excluded_points
 from ...store.frames import RunFrames
 from ..accuracy import summary_accuracies
 from ..cells import exponent
 from ..layout.output_file import write_file
 from ..layout.text import counted, csv_content
 from ..profiles import ALL, BUDGETS, COMMON, EVERY, RESIDUALS, other_threads_note, profile_accuracies, profile_tables
-from .drawing import SEPARATE_LEGENDS, by_name, heading, side_by_side, solver_legend, stacked, write_drawing
+from .drawing import FONT_SIZE, SEPARATE_LEGENDS, by_name, heading, side_by_side, solver_legend, stacked, write_drawing
 from .palette import SolverStyle, solver_styles
 
 WIDTH, HEIGHT = 300, 220
@@ -99,7 +99,8 @@ def profile_charts(
         notes = _with_threads_note(
             lines, name, other_threads_note(frames, solvers, baseline if name == "speedup" else "")
         )
-        charts[name] = _titled_chart(frames, _TITLES[name], notes, [row], len(parts))
+        reason = _no_speedups_note(frames, levels, baseline) if name == "speedup" else ""
+        charts[name] = _titled_chart(frames, _TITLES[name], notes, [row], len(parts), reason)
     families = [name for name in tables["accuracy"]["family"].unique() if name != ALL]
     return charts | ({"families": _families_chart(frames, tables, families, view)} if families else {})
 
@@ -143,6 +144,22 @@ def _row(frames: RunFrames, parts: list[tuple[str, str, pd.DataFrame]], in_legen
     return side_by_side(panels, spacing=30)
 
 
+def _no_speedups_note(frames: RunFrames, levels: Sequence[tuple[float, pd.DataFrame]], baseline: str) -> str:
+    """Return why there are no speed-ups at some accuracies; empty if there are some at all accuracies.
+
+    Args:
+        frames: the run.
+        levels: the accuracies, each with its speed-ups.
+        baseline: reference solver.
+    """
+    empty = [exponent(level) for level, rows in levels if rows.empty]
+    if not empty:
+        return ""
+    where = f" to {', '.join(empty)}" if len(empty) < len(levels) else ""
+    without = " without excluded times" if excluded_points(frames) else ""
+    return f"no speed-ups{where}: no problem{without} is solved by both {baseline} and another solver"
+
+
 def _rows_of_view(table: pd.DataFrame, view: str) -> pd.DataFrame:
     """Return the rows of a view, those of all problems if it has none, or all rows of a table without views."""
     if "view" not in table:
@@ -173,13 +190,13 @@ def _shares_text(frames: RunFrames, shown: pd.DataFrame, view: str, n_problems: 
 
 
 def _titled_chart(
-    frames: RunFrames, title: str, notes: list[str], rows: list[alt.HConcatChart], columns: int
+    frames: RunFrames, title: str, notes: list[str], rows: list[alt.HConcatChart], columns: int, reason: str = ""
 ) -> alt.VConcatChart:
-    """Return rows of panels under a title, with the state of the run."""
+    """Return rows of panels under a title, with the reason why some are empty, if any, and the state of the run."""
     width = max(columns * (WIDTH + 60), 620)
     problems = counted(frames.cases["problem"].nunique(), "problem")
     lines = notes if notes[1:] else [f"{problems}; {notes[0]}"]
-    chart_title = heading(title, [*lines, *run_state(frames)], width)
+    chart_title = heading(title, [*lines, reason, *chart_notes(frames)], width)
     return stacked(rows, chart_title, SEPARATE_LEGENDS, spacing=20)
 
 
@@ -223,7 +240,14 @@ def profile_panel(name: str, styles: Mapping[str, SolverStyle], data: Any, legen
 
 
 def _speedup_panel(styles: Mapping[str, SolverStyle], data: Any) -> alt.LayerChart:
-    """Return ticks of problems and a mark at their geometric mean, one row per solver; a line marks equal times."""
+    """Return ticks of problems and a mark at their geometric mean, one row per solver; a line marks equal times.
+
+    Without speed-ups, the panel contains a sentence.
+    """
+    if isinstance(data, pd.DataFrame) and data.empty:
+        sentence = pd.DataFrame({"sentence": ["no times to compare"]})
+        text = alt.Chart(sentence).mark_text(fontSize=FONT_SIZE)
+        return alt.LayerChart(layer=[text.encode(y=alt.Y("sentence:N", axis=None), text="sentence:N")])
     rows = alt.Y("solver:N", sort=list(styles), title=None).axis(ticks=False, domain=False, grid=True, labelLimit=300)
     across = alt.X("speedup:Q", title="speed-up (faster to the right)").scale(type="log", nice=True)
     across = across.axis(format="~g", tickCount=6, labelOverlap=True)

@@ -6,7 +6,7 @@ from typing import Any
 import altair as alt
 import pandas as pd
 
-from ...store.condition import run_state
+from ...store.condition import chart_notes
 from ...store.frames import RunFrames
 from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
 from ..cells import duration, exponent
@@ -121,7 +121,7 @@ def _run_chart(
     notes = [
         f"{counted(results['problem'].nunique(), 'problem')}; {note}",
         f"not shown: {', '.join(absent)} (no supported problem)" if absent else "",
-        *run_state(frames),
+        *chart_notes(frames),
     ]
     chart_title = heading(title, notes, len(panels) * WIDTH + LEGEND_WIDTH)
     return stacked([alt.hconcat(*panels, spacing=40)], chart_title, {"color": "shared"}, label_width=0)

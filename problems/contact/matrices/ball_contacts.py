@@ -10,7 +10,7 @@ A record takes 40 bytes; the two pieces of W of a contact take 288.
 """
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 
 from ...arrays import FloatArray, IntArray
 from .contact_frame import tangents, write_frame
@@ -56,27 +56,21 @@ class BallContacts(DeferredPieces):
 
     def times(self, padded: FloatArray) -> FloatArray:
         """Return the product with a vector over lanes, shape (n_chunks · length,)."""
-        product = np.zeros(self.n_chunks * LENGTH)
-        _write_product(*self.balls, padded.reshape(-1), product)
-        return product
+        product = np.zeros((self.n_chunks, LENGTH))
+        _write_product(*self.balls, padded.reshape(-1, WIDTH), product)
+        return product.reshape(-1)
 
     def transposed_times(self, vector: FloatArray) -> FloatArray:
         """Return the product of the transpose with a vector over degrees of freedom, shape (n_blocks · width,)."""
-        product = np.empty(self.n_blocks * WIDTH)
-        _write_transposed_product(*self.balls, vector, product)
-        return product
-
-    def free_velocity(self, free_motion: FloatArray, velocity: FloatArray, restitution: FloatArray) -> FloatArray:
-        """Return Wᵀ u_free + ε Wᵀ u [m/s], shape (n_blocks · width,), with ε of each row."""
-        product = self.transposed_times(free_motion)
-        _add_rebound(*self.balls, velocity, restitution, product)
-        return product
+        product = np.empty((self.n_blocks, WIDTH))
+        _write_transposed_product(*self.balls, vector.reshape(-1, LENGTH), product)
+        return product.reshape(-1)
 
     def delassus_diagonal(self, inverse_diagonal: FloatArray) -> FloatArray:
         """Return the diagonal of G [1/kg], shape (n_rows,), for a diagonal M⁻¹, shape (n_chunks · length,)."""
-        diagonal = np.empty(self.n_blocks * WIDTH)
-        _write_diagonal(*self.balls, inverse_diagonal, diagonal)
-        return diagonal
+        diagonal = np.empty((self.n_blocks, WIDTH))
+        _write_diagonal(*self.balls, inverse_diagonal.reshape(-1, LENGTH), diagonal)
+        return diagonal.reshape(-1)
 
 
 class BallNormals(DeferredPieces):
@@ -141,77 +135,62 @@ def _write_pieces(chunks, normals, radii):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath={"contract"})
 def _write_product(chunks, normals, radii, padded, product):  # type: ignore[no-untyped-def]
+    n_balls = uint64(len(radii))
     for c in range(len(normals)):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
-        normal, first, second = padded[3 * c], padded[3 * c + 1], padded[3 * c + 2]
+        normal, first, second = padded[c, 0], padded[c, 1], padded[c, 2]
         impulse = (
             normal * x + first * t1x + second * t2x,
             normal * y + first * t1y + second * t2y,
             normal * z + first * t1z + second * t2z,
         )
         moment = (first * t2x - second * t1x, first * t2y - second * t1y, first * t2z - second * t1z)  # n × P
-        i, j = chunks[2 * c], chunks[2 * c + 1]
-        if i < len(radii):
+        i, j = uint64(chunks[2 * c]), uint64(chunks[2 * c + 1])  # unsigned indices need no test for negative ones
+        if i < n_balls:
             for axis in range(3):
-                product[6 * i + axis] += impulse[axis]
-                product[6 * i + 3 + axis] -= radii[i] * moment[axis]
-        if j < len(radii):
+                product[i, axis] += impulse[axis]
+                product[i, 3 + axis] -= radii[i] * moment[axis]
+        if j < n_balls:
             for axis in range(3):
-                product[6 * j + axis] -= impulse[axis]
-                product[6 * j + 3 + axis] -= radii[j] * moment[axis]
-
-
-@njit(cache=True, fastmath={"contract"}, inline="always")
-def _contact_velocity(c, chunks, normals, radii, vector):  # type: ignore[no-untyped-def]
-    """Return γ of one contact in the order N, T1, T2."""
-    x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
-    (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
-    dx, dy, dz, sx, sy, sz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for side in range(2):
-        ball, sign = chunks[2 * c + side], 1.0 - 2.0 * side
-        if ball == len(radii):
-            continue
-        dof, r = 6 * ball, radii[ball]
-        dx, dy, dz = dx + sign * vector[dof], dy + sign * vector[dof + 1], dz + sign * vector[dof + 2]
-        sx, sy, sz = sx + r * vector[dof + 3], sy + r * vector[dof + 4], sz + r * vector[dof + 5]
-    first = (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
-    second = (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
-    return x * dx + y * dy + z * dz, first, second
+                product[j, axis] -= impulse[axis]
+                product[j, 3 + axis] -= radii[j] * moment[axis]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_transposed_product(chunks, normals, radii, vector, product):  # type: ignore[no-untyped-def]
+def _write_transposed_product(chunks, normals, radii, motion, product):  # type: ignore[no-untyped-def]
+    n_balls = uint64(len(radii))
     for c in range(len(normals)):
-        product[3 * c], product[3 * c + 1], product[3 * c + 2] = _contact_velocity(c, chunks, normals, radii, vector)
-
-
-@njit(cache=True, fastmath={"contract"})
-def _add_rebound(chunks, normals, radii, velocity, restitution, product):  # type: ignore[no-untyped-def]
-    """Add ε Wᵀ u."""
-    for c in range(len(normals)):
-        normal, first, second = _contact_velocity(c, chunks, normals, radii, velocity)
-        product[3 * c] += restitution[3 * c] * normal
-        product[3 * c + 1] += restitution[3 * c + 1] * first
-        product[3 * c + 2] += restitution[3 * c + 2] * second
+        nx, ny, nz = normals[c, 0], normals[c, 1], normals[c, 2]
+        (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(nx, ny, nz)
+        i, j = uint64(chunks[2 * c]), uint64(chunks[2 * c + 1])
+        x, y, z, r = motion[i, 0], motion[i, 1], motion[i, 2], radii[i]
+        sx, sy, sz = r * motion[i, 3], r * motion[i, 4], r * motion[i, 5]
+        if j < n_balls:
+            x, y, z, r = x - motion[j, 0], y - motion[j, 1], z - motion[j, 2], radii[j]
+            sx, sy, sz = sx + r * motion[j, 3], sy + r * motion[j, 4], sz + r * motion[j, 5]
+        product[c, 0] = nx * x + ny * y + nz * z
+        product[c, 1] = (t1x * x + t1y * y + t1z * z) - (t2x * sx + t2y * sy + t2z * sz)
+        product[c, 2] = (t2x * x + t2y * y + t2z * z) + (t1x * sx + t1y * sy + t1z * sz)
 
 
 @njit(cache=True)
 def _write_diagonal(chunks, normals, radii, inverse, diagonal):  # type: ignore[no-untyped-def]
+    n_balls = uint64(len(radii))
     for c in range(len(normals)):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
         normal, first, second = 0.0, 0.0, 0.0
         for side in range(2):
-            ball = chunks[2 * c + side]
-            if ball == len(radii):
+            ball = uint64(chunks[2 * c + side])
+            if ball == n_balls:
                 continue
-            dof, square = 6 * ball, radii[ball] * radii[ball]
-            inverse_x, inverse_y, inverse_z = inverse[dof], inverse[dof + 1], inverse[dof + 2]
-            turn_x, turn_y, turn_z = square * inverse[dof + 3], square * inverse[dof + 4], square * inverse[dof + 5]
+            square = radii[ball] * radii[ball]
+            inverse_x, inverse_y, inverse_z = inverse[ball, 0], inverse[ball, 1], inverse[ball, 2]
+            turn_x, turn_y, turn_z = square * inverse[ball, 3], square * inverse[ball, 4], square * inverse[ball, 5]
             normal += inverse_x * x * x + inverse_y * y * y + inverse_z * z * z
             first += inverse_x * t1x * t1x + inverse_y * t1y * t1y + inverse_z * t1z * t1z
             first += turn_x * t2x * t2x + turn_y * t2y * t2y + turn_z * t2z * t2z  # n × T1 = T2
             second += inverse_x * t2x * t2x + inverse_y * t2y * t2y + inverse_z * t2z * t2z
             second += turn_x * t1x * t1x + turn_y * t1y * t1y + turn_z * t1z * t1z
-        diagonal[3 * c], diagonal[3 * c + 1], diagonal[3 * c + 2] = normal, first, second
+        diagonal[c, 0], diagonal[c, 1], diagonal[c, 2] = normal, first, second

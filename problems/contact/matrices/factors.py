@@ -53,21 +53,21 @@ class InverseMass:
         return inverse
 
     @staticmethod
-    def of_mass(mass_matrix: Any) -> "InverseMass":
+    def of_mass(mass: Any) -> "InverseMass":
         """Return M⁻¹ computed from M block by block, together with M.
 
         Args:
-            mass_matrix: M, symmetric positive definite, dense or scipy sparse, shape (n_dofs, n_dofs). Its blocks are
-                the connected components of its nonzero entries, for any order of the degrees of freedom.
+            mass: M, symmetric positive definite, dense or scipy sparse, shape (n_dofs, n_dofs). Its blocks are the
+                connected components of its nonzero entries, for any order of the degrees of freedom.
 
         Raises:
             ProblemError: if the shape is wrong, a number is not finite, M is not symmetric positive definite, or its
                 inverse has more than ``MAX_ENTRIES`` entries.
         """
-        mass = _read_square(mass_matrix, "M")
-        matrix = block_inverse(mass)
+        checked_mass = _read_square(mass, "M")
+        matrix = block_inverse(checked_mass)
         check_finite(matrix, "M⁻¹")
-        inverse = InverseMass(matrix, mass)
+        inverse = InverseMass(matrix, checked_mass)
         inverse.check()
         return inverse
 

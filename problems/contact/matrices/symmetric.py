@@ -34,11 +34,11 @@ BREAKDOWN_TOLERANCE = 1e-12
 """Lanczos' method stops if the norm of a new vector is below this fraction of the largest Ritz value."""
 
 
-def checked_delassus(given_matrix: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array[Any]:
+def checked_delassus(delassus: Any, n_rows: int, allow_asymmetric: bool) -> sp.csr_array[Any]:
     """Return G as a canonical read-only CSR array.
 
     Args:
-        given_matrix: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows).
+        delassus: G [1/kg], dense or scipy sparse, shape (n_rows, n_rows).
         n_rows: number of rows of the problem.
         allow_asymmetric: whether G may be any matrix without negative diagonal entries.
 
@@ -46,7 +46,7 @@ def checked_delassus(given_matrix: Any, n_rows: int, allow_asymmetric: bool) -> 
         IndefiniteError: if a diagonal entry, a 2×2 minor or an eigenvalue is negative beyond rounding.
         ProblemError: if G has the wrong shape, contains numbers that are not finite, or is not symmetric.
     """
-    source = as_matrix(given_matrix, "G")
+    source = as_matrix(delassus, "G")
     is_single_precision = source.dtype == np.float32
     if source.shape != (n_rows, n_rows):
         raise ProblemError(f"G must have shape ({n_rows}, {n_rows}) to go with c, got {source.shape}.")

@@ -16,19 +16,19 @@ from ...errors import ProblemError
 Compressed = TypeVar("Compressed", sp.csr_array[Any], sp.csc_array[Any])
 
 
-def read_matrix(given_matrix: Any, name: str, kind: type[Compressed]) -> Compressed:
+def read_matrix(matrix_like: Any, name: str, kind: type[Compressed]) -> Compressed:
     """Return a copy of a matrix, dense or sparse, as a canonical read-only CSR or CSC array of doubles.
 
     Args:
-        given_matrix: the matrix, dense or scipy sparse.
+        matrix_like: the matrix, dense or scipy sparse.
         name: name of the matrix in error messages.
         kind: ``scipy.sparse.csr_array`` or ``scipy.sparse.csc_array``.
 
     Raises:
-        ProblemError: if ``given_matrix`` is not a matrix of real numbers, or has an index outside its shape or an entry
+        ProblemError: if ``matrix_like`` is not a matrix of real numbers, or has an index outside its shape or an entry
             that is not finite.
     """
-    source = as_matrix(given_matrix, name)
+    source = as_matrix(matrix_like, name)
     if type(source) is kind and source.dtype == np.float64:
         matrix = _copied(source)
     elif kind is sp.csr_array and isinstance(source, np.ndarray):
@@ -52,21 +52,20 @@ def read_matrix(given_matrix: Any, name: str, kind: type[Compressed]) -> Compres
     return matrix
 
 
-def as_matrix(given_matrix: Any, name: str) -> Any:
-    """Return ``given_matrix`` if it is a sparse matrix, else a dense matrix of numbers.
+def as_matrix(matrix_like: Any, name: str) -> Any:
+    """Return ``matrix_like`` if it is a sparse matrix, else a dense matrix of numbers.
 
     Raises:
-        ProblemError: if ``given_matrix`` is not a matrix of real numbers.
+        ProblemError: if ``matrix_like`` is not a matrix of real numbers.
     """
     try:
-        matrix: Any = given_matrix if sp.issparse(given_matrix) else np.asarray(given_matrix)
+        matrix: Any = matrix_like if sp.issparse(matrix_like) else np.asarray(matrix_like)
         if matrix.ndim == 2 and matrix.dtype.kind in "fiub":
             return matrix
     except (TypeError, ValueError):
         pass
-    raise ProblemError(
-        f"{name} must be a matrix of real numbers, dense or scipy sparse, got {type(given_matrix).__name__}."
-    )
+    kind = type(matrix_like).__name__
+    raise ProblemError(f"{name} must be a matrix of real numbers, dense or scipy sparse, got {kind}.")
 
 
 def check_finite(matrix: Any, name: str) -> None:

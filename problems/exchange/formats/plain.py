@@ -139,15 +139,15 @@ def normal_first(n_contacts: int, first_row: int = 0) -> IntArray:
     return np.append(np.arange(first_row), contacts).astype(np.int64)
 
 
-def stored_impulses(given: NDArray[Any], n_rows: int) -> FloatArray:
+def stored_impulses(impulses: NDArray[Any], n_rows: int) -> FloatArray:
     """Return the impulses of a file as numbers, shape (n_rows,).
 
     Raises:
         ProblemError: if the impulses are not finite numbers, one per row.
     """
-    if given.size != n_rows or given.dtype.kind not in "fiu" or not np.isfinite(given).all():
-        raise ProblemError(f"'impulses' must be {n_rows} finite numbers, one per row; got shape {given.shape}.")
-    return given.astype(np.float64).ravel()
+    if impulses.size != n_rows or impulses.dtype.kind not in "fiu" or not np.isfinite(impulses).all():
+        raise ProblemError(f"'impulses' must be {n_rows} finite numbers, one per row; got shape {impulses.shape}.")
+    return impulses.astype(np.float64).ravel()
 
 
 def _dim(arrays: Arrays) -> int:

@@ -84,15 +84,15 @@ class Offer:
             raise PluginError(f"{description}{raised_at(error)}; fix the package or uninstall it.") from None
 
 
-def offers(kind: Kind, taken: Collection[str]) -> list[Offer]:
+def offers(kind: Kind, reserved: Collection[str]) -> list[Offer]:
     """Return all offers of plugins of one kind, including rejected ones with the reason.
 
     Args:
         kind: "solver", "problem" or "scene".
-        taken: names that Proxbench itself uses.
+        reserved: names that Proxbench itself uses.
     """
     all_offers = [*_from_files(kind), *_from_packages(kind)]
-    return [replace(offer, rejection=_rejection(offer, taken, all_offers)) for offer in all_offers]
+    return [replace(offer, rejection=_rejection(offer, reserved, all_offers)) for offer in all_offers]
 
 
 def register(file: PluginFile, names: Names | None = None, runs_here: bool = True) -> None:
@@ -141,10 +141,10 @@ def _from_packages(kind: Kind) -> Iterator[Offer]:
         yield Offer(kind, point.name, package, point.load)
 
 
-def _rejection(offer: Offer, taken: Collection[str], all_offers: list[Offer]) -> str:
+def _rejection(offer: Offer, reserved: Collection[str], all_offers: list[Offer]) -> str:
     """Return why the name of an offer cannot be used, as a sentence; empty if it can."""
     description = f"{offer.source} offers the {offer.kind} {offer.name!r}"
-    if offer.name in taken:
+    if offer.name in reserved:
         return f"{description}, a name that Proxbench itself uses; give it another name."
     if others := [other.source for other in all_offers if other.name == offer.name and other is not offer]:
         return f"{description}, and {others[0]} offers the same name; rename or remove one of them."

@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 
 from ...arrays import FloatArray, IntArray
 from ...contact.laws import Laws
@@ -280,15 +280,21 @@ def _merge_contacts(
 @njit(cache=True)
 def _is_deeper(near, centres, radii, tolerated):  # type: ignore[no-untyped-def]
     """Return whether a pair overlaps by more than ``tolerated``."""
-    dim = centres.shape[1]
     for k in range(len(near)):
-        i, j, squared = near[k, 0], near[k, 1], 0.0
-        for axis in range(dim):
-            difference = centres[i, axis] - centres[j, axis]
-            squared += difference * difference
-        if squared < (radii[i] + radii[j]) ** 2 and np.sqrt(squared) - radii[i] - radii[j] < -tolerated:
+        i, j = uint64(near[k, 0]), uint64(near[k, 1])  # unsigned indices need no test for negative ones
+        reach = radii[i] + radii[j]
+        x, y, z = _difference(centres, i, j)
+        squared = x * x + y * y + z * z
+        if squared < reach * reach and np.sqrt(squared) - radii[i] - radii[j] < -tolerated:
             return True
     return False
+
+
+@njit(cache=True, inline="always")
+def _difference(centres, i, j):  # type: ignore[no-untyped-def]
+    """Return x_i − x_j; its third component is 0 in the plane."""
+    z = centres[i, 2] - centres[j, 2] if centres.shape[1] == 3 else 0.0
+    return centres[i, 0] - centres[j, 0], centres[i, 1] - centres[j, 1], z
 
 
 @njit(cache=True)
@@ -300,11 +306,11 @@ def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-
     """
     n, dim = centres.shape
     n_bodies, capacity = n + len(ends), len(near) + len(ball)
-    keys, chunks = np.empty(capacity, dtype=np.int64), np.empty(2 * capacity, dtype=np.int64)
+    keys, chunks = np.empty(capacity, dtype=np.int64), np.empty((capacity, 2), dtype=np.int64)
     gaps, normals = np.empty(capacity), np.zeros((capacity, dim))
     heads = np.zeros(len(ends), dtype=np.int64)
     heads[1:] = ends[:-1]
-    count, surface_ball = 0, _next_ball(heads, ends, ball, n)
+    count, surface_ball = uint64(0), _next_ball(heads, ends, ball, n)
     for k in range(len(near) + 1):
         i = near[k, 0] if k < len(near) else n
         while surface_ball < i:
@@ -312,29 +318,29 @@ def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-
                 index = heads[surface]
                 if index < ends[surface] and ball[index] == surface_ball:
                     keys[count], gaps[count] = surface_ball * n_bodies + n + surface, depth[index]
-                    chunks[2 * count], chunks[2 * count + 1] = surface_ball, n
+                    chunks[count, 0], chunks[count, 1] = surface_ball, n
                     normals[count] = inward[index]
-                    heads[surface], count = index + 1, count + 1
+                    heads[surface], count = index + 1, count + uint64(1)
             surface_ball = _next_ball(heads, ends, ball, n)
         if i == n:
             break
-        j, squared = near[k, 1], 0.0
-        for axis in range(dim):
-            difference = centres[i, axis] - centres[j, axis]
-            squared += difference * difference
-        reach = radii[i] + radii[j]
+        first, second = uint64(i), uint64(near[k, 1])
+        reach = radii[first] + radii[second]
+        x, y, z = _difference(centres, first, second)
+        squared = x * x + y * y + z * z
         if not squared < reach * reach:
             continue
         distance = np.sqrt(squared)
-        keys[count], gaps[count] = i * n_bodies + j, distance - radii[i] - radii[j]
-        chunks[2 * count], chunks[2 * count + 1] = i, j
+        keys[count], gaps[count] = i * n_bodies + near[k, 1], distance - radii[first] - radii[second]
+        chunks[count, 0], chunks[count, 1] = i, near[k, 1]
         if distance > 0.0:
-            for axis in range(dim):
-                normals[count, axis] = (centres[i, axis] - centres[j, axis]) / distance
+            normals[count, 0], normals[count, 1] = x / distance, y / distance
+            if dim == 3:
+                normals[count, 2] = z / distance
         else:
             normals[count, 0] = 1.0
-        count += 1
-    return keys[:count], chunks[: 2 * count], gaps[:count], normals[:count]
+        count += uint64(1)
+    return keys[:count], chunks[:count].reshape(-1), gaps[:count], normals[:count]
 
 
 @njit(cache=True)

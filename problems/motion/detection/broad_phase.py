@@ -6,7 +6,7 @@ move forward.
 """
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 
 from ...arrays import FloatArray, IntArray
 
@@ -189,34 +189,36 @@ def _write_pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # t
     """Write the overlapping pairs i < j, unsorted, up to the capacity; return their total number.
 
     Each ball is tested against the rest of its own row of cells and the four adjacent rows of higher numbers,
-    so that each pair is tested once. Balls are visited by ascending cell number, so the start of a row only moves
-    forward.
+    so that each pair is tested once. Balls are visited by ascending cell number, so both ends of a range of balls only
+    move forward. Unsigned indices need no test for negative ones.
     """
-    n, dim = centres.shape
+    n, dim, one = uint64(len(centres)), centres.shape[1], uint64(1)
     balls, cells = np.zeros((n, 4)), np.empty(n, dtype=np.int64)  # in the order of cells, for local memory access
     for a in range(n):
-        cells[a] = number[order[a]]
+        ball = uint64(order[a])
+        cells[a] = number[ball]
         for axis in range(dim):
-            balls[a, axis] = centres[order[a], axis]
-        balls[a, 3] = radii[order[a]]
-    count, capacity = 0, len(pairs)
+            balls[a, axis] = centres[ball, axis]
+        balls[a, 3] = radii[ball]
+    count, capacity = uint64(0), uint64(len(pairs))
     for row in (0, extent_x, extent_x * (extent_y - 1), extent_x * extent_y, extent_x * (extent_y + 1)):
-        begin = 0
+        begin, end = uint64(0), uint64(0)
         for a in range(n):
             lowest = cells[a] + row - 1
-            begin = max(begin, a + 1)
+            begin = max(begin, a + one)
             while begin < n and cells[begin] < lowest:
-                begin += 1
-            x, y, z, r = balls[a]
-            for b in range(begin, n):
-                if cells[b] > lowest + 2:
-                    break
+                begin += one
+            end = max(begin, end)
+            while end < n and cells[end] <= lowest + 2:
+                end += one
+            i, x, y, z, r = order[a], balls[a, 0], balls[a, 1], balls[a, 2], balls[a, 3]
+            for b in range(begin, end):
                 dx, dy, dz, reach = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2], r + balls[b, 3]
                 if dx * dx + dy * dy + dz * dz < reach * reach:
                     if count < capacity:
-                        i, j = order[a], order[b]
+                        j = order[b]
                         pairs[count, 0], pairs[count, 1] = min(i, j), max(i, j)
-                    count += 1
+                    count += one
     return count
 
 

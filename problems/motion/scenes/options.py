@@ -72,13 +72,14 @@ class Option:
         return f"between {self.lowest:g} and {self.highest:,.10g}"
 
 
-def complete(scene: str, options: Mapping[str, Option], given: Mapping[str, object]) -> dict[str, OptionValue]:
-    """Return the value of each option of the scene called ``scene``: the checked value in ``given``, or the default.
+def complete(scene: str, options: Mapping[str, Option], values: Mapping[str, object]) -> dict[str, OptionValue]:
+    """Return the value of each option of the scene called ``scene``: the checked value in ``values``, or the default.
 
     Raises:
         ProblemError: if an option is unknown (the message suggests the nearest one), or a value is out of range.
     """
-    check_options(f"the scene {scene!r}", given, options, ProblemError)
+    check_options(f"the scene {scene!r}", values, options, ProblemError)
     return {
-        name: option.checked(name, given[name]) if name in given else option.default for name, option in options.items()
+        name: option.checked(name, values[name]) if name in values else option.default
+        for name, option in options.items()
     }

@@ -3,8 +3,9 @@
 A law projects if its prox argument x = Λ − ξ/α lies outside its set or on the boundary, where α is the largest diagonal
 entry of the block of the law in G (Studer & Glocker 2005, section 6). A unilateral law that projects is open, x_N ≤ 0.
 A friction law that projects slips: ‖x_T‖ exceeds its bound b by more than ``BOUNDARY_WIDTH``. A contact that is not
-active, g ≥ 0, is open, and the friction of an open contact, whose set is {0}, projects. A slip that reverses within one
-step passes through sticking, and counts as a switch as well.
+active, g ≥ 0, is open, and the friction of an open contact, whose set is {0}, projects. A contact without friction,
+μ = a = 0, neither sticks nor slips. A slip that reverses within one step passes through sticking, and counts as a
+switch as well.
 """
 
 from collections.abc import Mapping, Sequence
@@ -101,7 +102,7 @@ class LawStates:
     Attributes:
         closed: keys of closed contacts, ascending.
         sticking: keys of sticking contacts, ascending.
-        slips: friction impulse Λ_T of each closed contact that slips, by its key.
+        slips: friction impulse Λ_T of each closed contact with friction that slips, by its key.
     """
 
     closed: tuple[int, ...] = ()
@@ -214,6 +215,7 @@ def law_states(step: Step) -> LawStates:
     bound = (lanes.fixed_bound + lanes.friction_coefficient * np.maximum(impulses[:, 0], 0.0)) * stiffness
     argument = stiffness[:, None] * impulses[:, 1:] - velocity[:, 1:]
     sticks = is_closed & (bound > 0.0) & (np.linalg.norm(argument, axis=1) <= (1.0 + BOUNDARY_WIDTH) * bound)
-    slips = np.flatnonzero(is_closed & ~sticks)
+    has_friction = (lanes.friction_coefficient > 0.0) | (lanes.fixed_bound > 0.0)
+    slips = np.flatnonzero(is_closed & has_friction & ~sticks)
     friction = {int(keys[row]): tuple(impulses[row, 1:].tolist()) for row in slips}
     return LawStates(tuple(keys[is_closed].tolist()), tuple(keys[sticks].tolist()), friction)

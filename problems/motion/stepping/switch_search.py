@@ -254,7 +254,7 @@ def _law_margins(step: Step, length: float, states: LawStates) -> Iterator[tuple
         yield ("force", contact), end - 0.5 * length, float(impulses[row, 0]) / length
         if contact in states.sticking:
             yield ("slack", contact), end - 0.5 * length, float(bound[row] - friction[row]) / length
-        elif impulses.shape[1] > 1:
+        elif contact in states.slips:
             yield ("sliding", contact), end, float(sliding[row])
 
 

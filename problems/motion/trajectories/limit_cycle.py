@@ -128,23 +128,23 @@ class CycleSequence:
 
 
 def find_cycles(
-    known: KnownCycle, found: Sequence[SwitchEvent], times: FloatArray, heights: FloatArray
+    known: KnownCycle, events: Sequence[SwitchEvent], times: FloatArray, heights: FloatArray
 ) -> CycleSequence:
     """Return the periods of a motion, found by its switching points.
 
     Args:
         known: the limit cycle of the scene.
-        found: switching points of the motion in order of time.
+        events: switching points of the motion in order of time.
         times: times of states of the motion [s], including those at switching points, shape (n,).
         heights: first coordinate at these times [m], shape (n,).
     """
-    begins = [index for index, event in enumerate(found) if event.is_same_switch(known.switch_events[0])]
+    begins = [index for index, event in enumerate(events) if event.is_same_switch(known.switch_events[0])]
     section = known.switch_events[known.section]
-    sections = [event.time for event in found if event.is_same_switch(section)]
+    sections = [event.time for event in events if event.is_same_switch(section)]
     height_at = {time: float(heights[np.searchsorted(times, time)]) for time in sections}
     complete = []
     for first, last in pairwise(begins):
-        section_times = [event.time for event in found[first:last] if event.is_same_switch(section)]
+        section_times = [event.time for event in events[first:last] if event.is_same_switch(section)]
         if section_times:
-            complete.append(Cycle(known, tuple(found[first:last]), section_times[0], height_at[section_times[0]]))
+            complete.append(Cycle(known, tuple(events[first:last]), section_times[0], height_at[section_times[0]]))
     return CycleSequence(known, complete, np.array(sections), np.array([height_at[time] for time in sections]))

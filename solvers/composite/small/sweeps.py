@@ -8,7 +8,7 @@ sweeps gains no digit, the residual grows, iterates may repeat, a limit is reach
 import numpy as np
 from numba import njit
 
-from ....problems.contact.residual import RESOLUTION, find_largest_held, write_squared_violations
+from ....problems.contact.residual import RESOLUTION, find_largest_diagonal_term, write_squared_violations
 from ...iteration.stopping import (
     CYCLE_PATIENCE,
     DIVERGENCE_GROWTH,
@@ -182,7 +182,9 @@ def _check(progress, iteration, tolerance, scale, laws, law_values, diagonal, im
     if not residual < np.inf:
         return UNUSUAL, progress
     if residual <= tolerance:
-        largest_term = find_largest_held(row_count, first_row, law_values[3], law_values[1], diagonal, impulses)
+        largest_term = find_largest_diagonal_term(
+            row_count, first_row, law_values[3], law_values[1], diagonal, impulses
+        )
         return (SOLVED if RESOLUTION * largest_term / scale <= tolerance else UNUSUAL), progress
     if iteration == 0:
         first, window_residual = max(residual, 1.0), residual

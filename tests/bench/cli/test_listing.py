@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from proxbench.bench.cli.listing import listing_rows, print_listing
 from proxbench.bench.cli.main import run_command
+from proxbench.bench.errors import BenchError
 from proxbench.problems.exchange.catalog import SUITES, suite_members
 from proxbench.problems.motion.scenes.registry import SCENES
 from proxbench.solvers.registry import parts
@@ -69,6 +70,14 @@ def test_a_name_is_listed_alone(what: str, name: str, words: str, capsys: pytest
     assert words in text
     (row,) = listing_rows(what, name=name)[what]
     assert [row] == [one for one in listing_rows(what)[what] if one["name"] == name.partition("(")[0]]
+
+
+def test_a_name_without_a_kind_is_listed_under_each_kind_that_has_it() -> None:
+    both = listing_rows("suites", name="funnel") | listing_rows("scenes", name="funnel")
+    assert listing_rows(name="funnel", has_sizes=False) == both
+    sentence = "there is no 'funel' among the solvers, suites, scenes and problems; did you mean 'funnel'?"
+    with pytest.raises(BenchError, match=re.escape(sentence)):
+        listing_rows(name="funel", has_sizes=False)
 
 
 def test_a_single_solver_is_listed_with_its_summary_and_the_meaning_of_each_option(

@@ -77,6 +77,18 @@ def test_a_fault_is_an_error_of_that_solve_and_the_next_request_has_a_fresh_proc
             assert solver.supports(problem) is None
 
 
+def test_the_process_of_a_solver_ends_after_an_invalid_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = load("hard-groove")
+    with RemoteSolver(solver_spec("NSGS")) as solver:
+        prepared = solver.prepare(problem)
+        (worker,) = solver._workers
+        monkeypatch.setattr(worker, "ask", lambda *request: ({}, b""))
+        with pytest.raises(FailedSolveError, match="its process sent an invalid answer"):
+            prepared.solve(STOP)
+        assert worker.process == 0
+        assert prepared.solve(STOP).impulses.tobytes() == create("NSGS").prepare(problem).solve(STOP).impulses.tobytes()
+
+
 @pytest.mark.slow
 def test_a_solver_that_hangs_is_ended_in_time() -> None:
     with (

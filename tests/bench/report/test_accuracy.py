@@ -177,6 +177,18 @@ def test_means_name_the_number_of_their_problems_where_times_are_excluded(tmp_pa
     assert list(of_family["sticking"]) == [f"3/3 {duration(0.1)} (1)"] * 2
 
 
+def test_the_legend_explains_the_dash_of_a_mean_only_if_excluded_times_leave_no_problem(tmp_path: Path) -> None:
+    cases = [case(solver, solved_point(1e-2, [timed_round(0, 0.1)]), problem=name) for name in "pq" for solver in "AB"]
+    frames = load(store_run(tmp_path / "run", cases, limits=LIMITS))
+    for is_excluded in (False, True):
+        console = Console(file=StringIO(), width=120)
+        print_tables(changed(frames, points=frames.points.assign(is_excluded=is_excluded)), console)
+        _, _, summary = console.file.getvalue().partition("all 2 problems")  # type: ignore[attr-defined]
+        assert ("–: over none." in summary) is is_excluded
+        (row,) = (line.split() for line in summary.splitlines() if line.startswith("A "))
+        assert ("–" in row) is is_excluded
+
+
 def test_notes_of_solved_cases_are_printed_below_their_table(tmp_path: Path) -> None:
     cases = [case("A", solved_point(1e-2, [timed_round(0, 0.1)])), case("B", solved_point(1e-2, [timed_round(0, 0.1)]))]
     frames = load(store_run(tmp_path / "run", cases, limits=LIMITS))

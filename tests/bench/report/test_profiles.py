@@ -16,6 +16,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.report import page as page_folder
 from proxbench.bench.report.accuracy import times_to_accuracies
 from proxbench.bench.report.build_report import build_report
+from proxbench.bench.report.charts.drawing import write_drawing
 from proxbench.bench.report.charts.profiles import profile_charts, write_profiles
 from proxbench.bench.report.page.document import page_document
 from proxbench.bench.report.profiles import (
@@ -35,7 +36,9 @@ from proxbench.bench.report.profiles import (
 )
 from proxbench.bench.store.frames import RunFrames
 from proxbench.bench.store.outcome import Outcome
-from simulated_runs import simulated_cases, store_run
+from proxbench.bench.store.plans import Limits
+from simulated_runs import simulated_cases, solved_point, store_run
+from stored_cases import case_record, timed_round
 
 
 def random_seconds(seed: int, problems: int = 17, solvers: int = 5) -> pd.DataFrame:
@@ -304,6 +307,33 @@ def test_problems_with_an_excluded_time_are_left_out_of_times_and_stay_in_residu
     charts = profile_charts(one, profile_tables(one, "SORprox"), "SORprox")
     assert "2 of them without excluded times" in subtitle(charts["data"])
     assert "without excluded times" not in subtitle(charts["accuracy"])
+
+
+@pytest.mark.parametrize(
+    ("seconds", "excluded", "reason"),
+    [
+        ((0.1, 0.2), "", ""),
+        (
+            (0.1, 0.2),
+            "preempted",
+            "no speed-ups: no problem without excluded times is solved by both A and another solver",
+        ),
+        ((0.1, 9.0), "", "no speed-ups: no problem is solved by both A and another solver"),
+    ],
+)
+def test_a_chart_without_speedups_states_the_reason(
+    seconds: tuple[float, float], excluded: str, reason: str, tmp_path: Path
+) -> None:
+    cases = [
+        case_record(problem="p", solver=solver, points=[solved_point(1e-2, [timed_round(0, one, excluded=excluded)])])
+        for solver, one in zip("AB", seconds, strict=True)
+    ]
+    frames = load(store_run(tmp_path / "run", cases, limits=Limits(solve_seconds=1.0)))
+    chart = profile_charts(frames, profile_tables(frames, "A"), "A")["speedup"]
+    assert ("no speed-ups" in subtitle(chart)) is bool(reason)
+    assert reason in subtitle(chart)
+    assert ("no times to compare" in json.dumps(chart.to_dict())) is bool(reason)
+    write_drawing(chart, tmp_path / "speedup")
 
 
 @pytest.mark.weekly

@@ -2,7 +2,7 @@
 
 import runpy
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError, FailedSimulationError
 from proxbench.bench.isolation.worker import RenewedWorker
 from proxbench.bench.plugins.files import use_plugin_files
-from proxbench.bench.plugins.remote_scene import RemoteSystem, local_or_remote_scene
+from proxbench.bench.plugins.remote_scene import FailedSceneError, RemoteSystem, local_or_remote_scene
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
@@ -227,6 +227,29 @@ def test_the_process_of_a_scene_ends_with_it() -> None:
     assert running
     del system
     assert not running
+
+
+@pytest.mark.parametrize(
+    ("name", "request_answer"),
+    [
+        ("bouncing", lambda system, scene: system.scene()),
+        ("bouncing", lambda system, scene: scene.kinetic_energy(scene.start.velocity)),
+        ("bouncing", lambda system, scene: scene.exact(0.1)),
+        ("bouncing", lambda system, scene: system.move(scene.start.position, scene.start.velocity, 0.1)),
+        ("twin(balls=5)", lambda system, scene: scene.ending.find(np.zeros(1))),
+    ],
+)
+def test_the_process_of_a_scene_ends_after_an_invalid_answer(
+    name: str, request_answer: Callable[[RemoteSystem, Any], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system = RemoteSystem(name, {}, 60.0)
+    scene = system.scene()
+    (worker,) = system._workers
+    monkeypatch.setattr(worker, "ask", lambda *request: ({}, b""))
+    with pytest.raises(FailedSceneError, match="its process sent an invalid answer"):
+        request_answer(system, scene)
+    assert worker.process == 0
+    system.scene()  # a new process answers
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Simulations take the stepper's steps, judge them, and resume bit for bit after an interruption."""
 
-from collections.abc import Callable
+import tracemalloc
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,7 +18,10 @@ from proxbench.bench.simulation.trajectory import Ending, Simulation
 from proxbench.problems import ContactProblem, Model, judge
 from proxbench.problems.contact.matrices import memory
 from proxbench.problems.errors import InsufficientMemoryError
+from proxbench.problems.motion.bodies.surfaces import Plane
+from proxbench.problems.motion.scenes.effects import Effect, Friction, Gravity, Planar, ball_system
 from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.moreau import Moreau
 from proxbench.problems.motion.stepping.step import AcceptedStep
@@ -302,6 +306,28 @@ def test_a_settled_heap_has_the_rows_whose_memory_is_required_before_its_first_s
     step = bare_rule(plan).step(simulate(plan).state)
     assert step.problem is not None
     assert step_bytes(plan.scene) <= BYTES_PER_ROW * step.problem.n_rows <= 2.0 * step_bytes(plan.scene)
+
+
+@pytest.mark.parametrize("effects", [[Friction(0.3)], [], [Friction(0.3), Planar()], [Planar()]])
+def test_a_step_of_touching_balls_takes_at_least_the_memory_that_is_required_before_it(
+    effects: Sequence[Effect],
+) -> None:
+    """The balls are the nodes of a cubic or square lattice, and take less than twice that memory per row."""
+    dimension = 2 if Planar() in effects else 3
+    n_side, ground, upward = (30, 10)[dimension - 2], np.zeros(dimension), np.eye(dimension)[-1]
+    nodes = np.stack(np.meshgrid(*[np.arange(n_side)] * dimension), axis=-1).reshape(-1, dimension)
+    n_balls = len(nodes)
+    plane = Plane(tuple(ground), tuple(upward))
+    system = ball_system(np.full(n_balls, 0.5), np.ones(n_balls), [plane], [Gravity(), *effects])
+    start = State(0.0, (0.999 * (nodes + 0.5)).ravel(), system.without_spin(np.zeros(nodes.shape)))
+    rule = MidpointRule(system, create("SORprox"), Stop(1e-16, 5), 1e-3)
+    rule.step(start)  # compiles, and allocates what later steps share
+    tracemalloc.start()
+    step = rule.step(start)
+    _, n_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert step.problem is not None
+    assert BYTES_PER_ROW * step.problem.n_rows <= n_bytes <= 2 * BYTES_PER_ROW * step.problem.n_rows
 
 
 def test_joints_that_cannot_be_closed_in_the_available_memory_are_refused_before_the_first_step(

@@ -179,7 +179,7 @@ def test_blocks_hold_the_matrix_with_the_diagonal_first(seed: int, n: int) -> No
 
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 8))
-def test_the_largest_asymmetry_and_the_largest_minor_are_found_in_any_sparsity(seed: int, n: int) -> None:
+def test_the_largest_asymmetry_and_the_largest_excess_of_an_entry_agree_with_dense_arrays(seed: int, n: int) -> None:
     """They are compared with dense differences; entries may be on one side of the diagonal only."""
     rng = np.random.default_rng(seed)
     dense = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.5)

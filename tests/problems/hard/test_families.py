@@ -54,7 +54,7 @@ def test_the_chosen_solution_solves_exactly(family: Family, seed: int, is_braced
     rolling=st.sampled_from([0.0, 0.125, 1.0]),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_with_joints_and_rolling_too_the_chosen_solution_solves_exactly(
+def test_the_chosen_solution_solves_problems_with_joints_and_rolling_exactly(
     family: Family, joints: int, rolling_rows: int, rolling: float, seed: int
 ) -> None:
     linked = LinkedFamily(**vars(family), n_joints=joints, rolling_rows=rolling_rows, rolling_friction=rolling)

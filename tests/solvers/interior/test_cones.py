@@ -43,7 +43,7 @@ def test_a_step_satisfies_complementarity_to_first_order(p: Vector, q: Vector, d
 
 
 @given(p=interior(), target=st.floats(0.1, 5.0))
-def test_on_the_central_path_a_step_moves_both_points_in_their_common_axes(p: Vector, target: float) -> None:
+def test_the_linearisation_on_the_central_path_is_a_quotient_of_jordan_products(p: Vector, target: float) -> None:
     q = target * np.array([p[0], -p[1], -p[2]]) / cones.determinant(p)
     matrix, _ = linearised(p, q, target)
     step = np.array([0.3, -0.2, 0.1])

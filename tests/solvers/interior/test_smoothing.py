@@ -19,7 +19,7 @@ def split(kind: int, v: Vector, tau: float, fixed: float = 0.0, friction: float 
 
 
 @given(v=vectors, tau=taus)
-def test_a_cone_holds_both_parts_their_difference_is_v_and_their_product_tau(v: Vector, tau: float) -> None:
+def test_smoothed_parts_lie_in_the_cone_with_difference_v_and_product_tau(v: Vector, tau: float) -> None:
     r, u, s = split(cones.CONE, v, tau)
     size = max(np.abs(v).max(), np.sqrt(tau))
     assert np.abs(r - u - v).max() <= 1e-14 * size
@@ -30,7 +30,7 @@ def test_a_cone_holds_both_parts_their_difference_is_v_and_their_product_tau(v: 
 
 
 @given(v=vectors)
-def test_the_limit_is_the_projection_onto_the_cone(v: Vector) -> None:
+def test_smoothing_tends_to_the_projection_onto_the_cone(v: Vector) -> None:
     r, u, _ = split(cones.CONE, v, 1e-300)
     length = np.hypot(v[1], v[2])
     eigenvalues = np.array([v[0] + length, v[0] - length])

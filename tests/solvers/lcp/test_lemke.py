@@ -26,7 +26,9 @@ def speed_difference(problem: ContactProblem, one: np.ndarray, other: np.ndarray
 @pytest.mark.parametrize("most", [3, pytest.param(5, marks=pytest.mark.slow)])
 @settings(max_examples=60, deadline=None)
 @given(data=st.data(), seed=st.integers(0, 2**31), friction=st.floats(0.0, 1.5))
-def test_its_solution_is_among_those_of_enumeration(most: int, data: st.DataObject, seed: int, friction: float) -> None:
+def test_a_solution_of_lemke_is_among_those_of_enumeration(
+    most: int, data: st.DataObject, seed: int, friction: float
+) -> None:
     n = data.draw(st.integers(1, most), label="contacts")
     rng = np.random.default_rng(seed)
     problem = ContactProblem.from_factors(

@@ -69,7 +69,7 @@ def matrix_of(system: linearised.LinearSystem) -> np.ndarray:
 @pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(seed=st.integers(0, 2**31), size=st.sampled_from([0.02, 0.1, 1.0]), dense=st.booleans())
-def test_it_is_the_derivative_by_differences(seed: int, size: float, dense: bool) -> None:
+def test_linearisation_agrees_with_finite_differences(seed: int, size: float, dense: bool) -> None:
     impulses = np.random.default_rng(seed + 1).uniform(0.1, 1.0, size=N) * size
     problem = mixed_problem(seed, impulses)
     residual = Residual(problem)

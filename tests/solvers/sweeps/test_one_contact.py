@@ -147,7 +147,7 @@ def test_every_direction_of_slip_is_found() -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(seed=SEEDS, friction=MU, turn=st.floats(0.0, 6.28))
-def test_the_answer_turns_with_the_tangents(seed: int, friction: float, turn: float) -> None:
+def test_the_impulse_of_a_contact_rotates_with_its_tangents(seed: int, friction: float, turn: float) -> None:
     """The solution is unique because friction is below the value at which a contact can jam."""
     delassus, free = random_block(3, seed, 3, 0)
     delassus += 3.0 * max(friction, 1.0) * np.trace(delassus) * np.eye(3)
@@ -160,7 +160,7 @@ def test_the_answer_turns_with_the_tangents(seed: int, friction: float, turn: fl
 
 @settings(max_examples=100, deadline=None)
 @given(seed=SEEDS, friction=MU, mass=STRENGTH, speed=STRENGTH)
-def test_the_answer_scales_with_the_units(seed: int, friction: float, mass: int, speed: int) -> None:
+def test_the_impulse_of_a_contact_scales_with_the_units(seed: int, friction: float, mass: int, speed: int) -> None:
     """The bits are equal: powers of four scale a problem, and the square roots in it, without rounding."""
     delassus, free = random_block(3, seed, 3, 0)
     plain = spatial(delassus, free, friction, 0.0, np.zeros(3))

@@ -36,7 +36,7 @@ shapes = {"sliding": st.integers(0, 2), "rolling": st.integers(1, 3), "radius": 
 
 @settings(max_examples=300, deadline=None)
 @given(seed=st.integers(0, 2**31), mu=st.sampled_from([0.1, 0.3, 0.7]), share=st.sampled_from([0.01, 0.3]), **shapes)
-def test_the_answer_solves_the_contact(
+def test_the_impulse_of_a_rolling_contact_satisfies_its_laws(
     seed: int, mu: float, share: float, sliding: int, rolling: int, radius: float
 ) -> None:
     delassus, c = block(seed, sliding, rolling, radius)

@@ -340,9 +340,9 @@ class RigidBodies:
         pairs = near_bodies(all_poses[:, :3], self.radii, self.n_bodies, margin, self._joined_pairs)
         return find_contacts(self._all_shapes, all_poses, pairs, margin)
 
-    def keys_of(self, found: ContactSet) -> IntArray:
+    def keys_of(self, contacts: ContactSet) -> IntArray:
         """Return the keys that ``assemble`` gives to contacts, shape (n_contacts,)."""
-        return self._keys.encode(found.first, found.second, found.feature)
+        return self._keys.encode(contacts.first, contacts.second, contacts.feature)
 
     def _active_contacts(self, poses: FloatArray) -> ActiveContacts | None:
         contacts = self.contacts_within(poses, self.margin)

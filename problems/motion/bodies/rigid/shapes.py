@@ -74,12 +74,12 @@ class HalfSpace:
 Shape = Box | HalfSpace | Polyhedron | Sphere | Capsule | Cylinder
 
 
-def check_shape(name: str, given: object) -> None:
-    """Check that ``given`` is a shape; the error message calls it ``name``.
+def check_shape(name: str, shape: object) -> None:
+    """Check that ``shape`` is a shape; the error message calls it ``name``.
 
     Raises:
-        ProblemError: if ``given`` is not a shape.
+        ProblemError: if ``shape`` is not a shape.
     """
-    if not isinstance(given, Shape):
-        hint = "; convex_polyhedron returns a shape and its pose" if isinstance(given, tuple) else ""
-        raise ProblemError(f"{name} must be a shape, such as Box((1, 1, 1)), got {type(given).__name__}{hint}.")
+    if not isinstance(shape, Shape):
+        hint = "; convex_polyhedron returns a shape and its pose" if isinstance(shape, tuple) else ""
+        raise ProblemError(f"{name} must be a shape, such as Box((1, 1, 1)), got {type(shape).__name__}{hint}.")

@@ -82,6 +82,17 @@ def test_wrong_or_failed_first_solve_determines_the_outcome() -> None:
     assert stalled.reason == "in a first solve in a fresh process, it ends stalled"
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_worst_failure_of_first_solves_counts_in_any_order(order: int) -> None:
+    """A false claim is worse than a solve that stalls, and a larger residual is worse than a smaller one."""
+    failures = [first(9.0 * SLIDES, Status.STALLED), first(2.0 * SLIDES), first(5.0 * SLIDES)][::order]
+    found, residuals = point_with(*failures), [judge(PROBLEM, factor * SLIDES).residual for factor in (5.0, 9.0)]
+    assert (found.outcome, found.status) == (Outcome.WRONG, "solved")
+    assert found.reason.endswith(f"claimed 1e-06, but judged {residuals[0]:.1e}")
+    assert found.measured is not None
+    assert found.measured.residual == found.measured.model_residual == residuals[1]
+
+
 def test_a_wrong_answer_to_a_copy_decides_and_is_not_kept() -> None:
     copy = replace(PROBLEM, free_velocity=2.0 * PROBLEM.free_velocity)
     found = point_with(first(2.0 * SLIDES, problem=copy), first(SLIDES, problem=copy), place="on a copy of the problem")

@@ -23,7 +23,7 @@ VALUES = {"q": 1.0}
 def case() -> TrajectoryCase:
     """Return a case of three members without measurements."""
     problem = TrajectoryProblem("sliding_sphere", 0.02, (0.9, 1.0, 1.1), EndPosition(VALUES, 1.0))
-    method = make_method("Holding in Moreau(step=1e-3)", [1e-6], given=solver_spec(Holding()))
+    method = make_method("Holding in Moreau(step=1e-3)", [1e-6], specification=solver_spec(Holding()))
     return TrajectoryCase(problem, method, LIMITS, None, CasePass())
 
 

@@ -26,7 +26,7 @@ def write_matrix(path: Path, parts: dict[str, Any]) -> Path:
 
 @pytest.mark.parametrize("kind", KINDS)
 @given(matrix=arrays(np.float64, st.tuples(st.integers(1, 5), st.integers(1, 5)), elements=st.floats(-9, 9)))
-def test_what_is_written_is_read_bit_by_bit_in_every_storage(
+def test_matrices_round_trip_bit_by_bit_in_every_storage_scheme(
     kind: str, matrix: np.ndarray, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     path = tmp_path_factory.mktemp("matrix") / "m.hdf5"

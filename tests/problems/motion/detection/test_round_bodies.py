@@ -111,7 +111,7 @@ def test_the_smallest_gap_is_the_distance_of_the_bodies(seed: int, pair: tuple[S
 
 @settings(deadline=None, max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), pair=st.sampled_from(PAIRS), gap=st.floats(-0.01, 0.02))
-def test_a_motion_of_everything_moves_the_contacts_and_keeps_features(
+def test_a_rigid_motion_of_both_bodies_moves_contacts_and_keeps_features(
     seed: int, pair: tuple[Shape, Shape], gap: float
 ) -> None:
     poses, rng = poses_with_gap(*pair, gap, seed), np.random.default_rng(seed)
@@ -126,7 +126,7 @@ def test_a_motion_of_everything_moves_the_contacts_and_keeps_features(
 
 @settings(deadline=None, max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), pair=st.sampled_from(SYMMETRIC), gap=st.floats(-0.01, 0.02))
-def test_the_order_of_bodies_turns_normals_round(seed: int, pair: tuple[Shape, Shape], gap: float) -> None:
+def test_exchanging_two_bodies_reverses_their_normals(seed: int, pair: tuple[Shape, Shape], gap: float) -> None:
     poses = poses_with_gap(*pair, gap, seed)
     found, other = contacts(*pair, poses, 0.1), contacts(pair[1], pair[0], poses[::-1].copy(), 0.1)
     one, two = (np.column_stack([c.gap, c.point, s * c.normal]) for c, s in ((found, 1.0), (other, -1.0)))
@@ -153,7 +153,7 @@ def test_gaps_grow_as_the_first_body_moves_along_the_normal(seed: int, pair: tup
 
 @settings(deadline=None, max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), pair=st.sampled_from(PAIRS))
-def test_features_last_and_gaps_are_continuous_under_small_motions(seed: int, pair: tuple[Shape, Shape]) -> None:
+def test_small_motions_keep_features_and_change_gaps_continuously(seed: int, pair: tuple[Shape, Shape]) -> None:
     poses = poses_with_gap(*pair, -1e-3, seed)
     shaken, rng = poses.copy(), np.random.default_rng(seed)
     shaken[0, :3] += 1e-9 * rng.normal(size=3)
@@ -197,7 +197,7 @@ def test_an_upright_cylinder_stands_on_points_all_round_and_a_lying_one_on_its_e
 
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), pair=st.sampled_from(COAL_PAIRS), gap=st.floats(-0.01, 0.02))
-def test_patches_of_coal_keep_their_gap_under_a_motion_of_everything_and_exchange(
+def test_gaps_of_patches_of_coal_are_invariant_under_rigid_motion_and_exchange(
     seed: int, pair: tuple[Shape, Shape], gap: float
 ) -> None:
     pytest.importorskip("coal")

@@ -98,6 +98,21 @@ def test_a_stack_that_overlaps_everywhere_comes_apart() -> None:
     assert np.abs(last.state.velocity).max() <= 1e-6
 
 
+@pytest.mark.parametrize("n_balls", [5, 20, 40])
+def test_a_column_in_any_order_reaches_its_only_position_without_overlaps_in_one_step(n_balls: int) -> None:
+    """The gaps of a column are linear in the heights, so that one pass suffices: ball k is at height (2k − 1)r − kd.
+
+    The last sweep leaves a violation of at most ``ACCURACY`` d at each contact; k contacts carry the error of a ball.
+    """
+    system = floor(n_balls)
+    places = np.random.default_rng(3).permutation(n_balls)
+    heights = 0.98 * RADIUS + 1.98 * RADIUS * places
+    end = projected(system, np.column_stack([np.zeros((n_balls, 2)), heights]).ravel(), np.zeros(0), DEPTH)
+    assert end.overlap == 0.0
+    exact = RADIUS * (2.0 * places + 1.0) - DEPTH * (places + 1.0)
+    assert (np.abs(system.centres(end.position)[:, 2] - exact) <= 1.01 * ACCURACY * DEPTH * (places + 1.0)).all()
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("masses", [(0.01, 0.01, 0.01), (1.0, 0.01, 0.01), (0.01, 0.01, 1.0)])
 def test_balls_that_part_push_a_third_one_and_not_into_it(dimension: int, masses: tuple[float, ...]) -> None:

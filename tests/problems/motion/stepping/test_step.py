@@ -1,5 +1,7 @@
 """The states of laws in a step, and the switches between two states, as in the table of a switching function."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from proxbench.problems.motion.scenes.inclines import BlockOnIncline
@@ -73,6 +75,19 @@ def test_a_block_sticks_on_a_slope_less_steep_than_its_friction_and_else_slips_d
     if not sticks:
         sliding = step.contacts.transposed_times(step.state.velocity)[1:]
         assert np.dot(states.slips[contact], sliding) < 0.0
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_a_closed_contact_without_friction_neither_sticks_nor_slips(rows: int) -> None:
+    """With one row it has no friction law; with two, its coefficient of friction is 0."""
+    block = BlockOnIncline(slope=0.3, friction=0.0, speed=1.0)
+    directions = np.array([[0.0, 1.0], [1.0, 0.0]])[:, :rows]
+    system = replace(block.system(), directions=lambda position: directions, rows_per_contact=rows)
+    step = MidpointRule(system, create("SORprox"), Stop(1e-13, 1000), 1e-3).step(block.start())
+    assert step.contacts is not None
+    states = law_states(step)
+    assert states.closed == tuple(step.contacts.keys.tolist())
+    assert (states.sticking, dict(states.slips)) == ((), {})
 
 
 def test_a_contact_that_is_pulled_off_is_open_though_it_takes_part_in_the_step() -> None:

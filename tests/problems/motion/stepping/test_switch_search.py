@@ -226,6 +226,38 @@ def test_a_force_that_ends_after_its_last_evaluation_is_noticed_at_the_end_of_a_
         assert Margins(system, 1.0).has_ended_force(sequence.substeps, sequence.states) is (has_ended and is_seen)
 
 
+def test_the_reversal_of_a_contact_without_friction_is_not_predicted_as_a_switch() -> None:
+    """A block pushed up a smooth slope stops after v / (g sin θ) and slides down; no law switches."""
+    block = BlockOnIncline(slope=0.3, friction=0.0, speed=-1.0)
+    margins = Margins(block.system(), 1.0)
+    counter = StepCounter(block.system(), create("SORprox"), Stop(1e-13, 1000))
+    sequence = take_sequence(counter, block.start(), 1e-2, 3, None)
+    for step, length in sequence.substeps:
+        margins.record(step, length, sequence.states)
+    assert margins.next_switch(0.01)[0] > 2.0 / (9.81 * np.sin(0.3))
+
+
+def test_a_contact_without_a_friction_law_does_not_hide_the_switch_of_another_contact() -> None:
+    """Two masses slide on a floor at 1 m/s, one of them with friction, which stops it after v / (μ g)."""
+    directions = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    system = MechanicalSystem(
+        mass=lambda position: np.eye(4),
+        force=lambda position, velocity: np.array([0.0, -9.81, 0.0, -9.81]),
+        gap=lambda position: position[1::2],
+        directions=lambda position: directions,
+        friction=[0.5, 0.0],
+        restitution_normal=[0.0, 0.0],
+        restitution_tangential=[0.0, 0.0],
+        rows_per_contact=[2, 1],
+    )
+    margins = Margins(system, 1.0)
+    start = State(0.0, np.full(4, -1e-9), np.array([1.0, 0.0, 1.0, 0.0]))
+    sequence = take_sequence(StepCounter(system, create("SORprox"), Stop(1e-13, 1000)), start, 1e-2, 3, None)
+    for step, length in sequence.substeps:
+        margins.record(step, length, sequence.states)
+    assert margins.next_switch(0.01)[0] == pytest.approx(1.0 / (0.5 * 9.81), rel=1e-6)
+
+
 def test_margins_of_friction_are_what_is_left_of_it_and_how_fast_it_slides() -> None:
     """A block of 1 kg at rest on a slope has the margin μ g cos - g sin; a sliding block stops after v / a."""
     gravity = 9.81

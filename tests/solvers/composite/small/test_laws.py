@@ -10,7 +10,7 @@ from proxbench.solvers.composite.small.laws import law_arguments
 
 
 @given(seed=st.integers(0, 2**32 - 1), n_contacts=st.integers(1, 12), dim=st.integers(1, 3))
-def test_arguments_are_the_arrays_of_laws_and_layout(seed: int, n_contacts: int, dim: int) -> None:
+def test_arguments_of_the_kernel_are_the_arrays_of_laws_and_layout(seed: int, n_contacts: int, dim: int) -> None:
     rng = np.random.default_rng(seed)
     laws = Laws.contacts(rng.uniform(0.0, 1.2, size=n_contacts), dim, n_contacts)
     layout, found = BlockLayout.of(laws), law_arguments(laws)

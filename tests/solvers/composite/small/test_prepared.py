@@ -27,7 +27,7 @@ ROBUST = create("Robust")
     digits=st.integers(1, 11),
     is_started=st.booleans(),
 )
-def test_the_kernel_and_the_parts_give_the_same_bits(
+def test_the_kernel_gives_the_same_bits_as_its_parts(
     seed: int, n_contacts: int, dim: int, form: str, digits: int, is_started: bool
 ) -> None:
     rng = np.random.default_rng(seed)

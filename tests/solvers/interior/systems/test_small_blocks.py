@@ -8,7 +8,7 @@ from proxbench.solvers.interior.systems.small_blocks import invert, times
 
 
 @given(width=st.integers(1, 7), n=st.integers(0, 5), decades=st.integers(0, 6), seed=st.integers(0, 2**32 - 1))
-def test_inverses_and_signs_are_those_of_numpy(width: int, n: int, decades: int, seed: int) -> None:
+def test_inverses_and_signs_of_determinants_agree_with_numpy(width: int, n: int, decades: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     blocks = rng.normal(size=(n, width, width)) * 10.0 ** rng.integers(-decades, decades + 1, size=(n, width, 1))
     inverses = np.empty_like(blocks)

@@ -44,7 +44,9 @@ def over_pieces(problem: ContactProblem) -> ContactProblem:
 
 @settings(deadline=None, max_examples=20)
 @given(seed=st.integers(0, 2**31), momentum=st.sampled_from([(0.0, 0.0), (0.6, 0.0), (0.9, 4.0)]), warm=st.booleans())
-def test_iterates_and_velocities_are_those_over_pieces(seed: int, momentum: tuple[float, float], warm: bool) -> None:
+def test_sweeps_over_balls_give_the_iterates_and_velocities_of_sweeps_over_pieces(
+    seed: int, momentum: tuple[float, float], warm: bool
+) -> None:
     problem, (bound, delay) = heap(seed), momentum
     solver = create("SORprox", relaxation=1.1, form="factors", momentum=bound, momentum_delay=delay)
     start = np.random.default_rng(seed).uniform(size=problem.n_rows) if warm else np.zeros(problem.n_rows)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.problems import ProblemError
+from proxbench.problems.motion.bodies.rigid.joint_rows import DISTANCE, JointRow, JointTable
 from proxbench.problems.motion.bodies.rigid.joints import WORLD, Joint, RigidJoints
 from proxbench.problems.motion.bodies.rigid.orientation import about, moved, product, rotation_matrices
 
@@ -42,6 +43,19 @@ def test_the_jacobian_is_the_rate_of_the_residual(kind: str, second: int) -> Non
         )
         rates = joints.errors_at(poses).directions.T @ velocity
         assert rates == pytest.approx((after - before) / (2.0 * step), abs=1e-8)
+
+
+def test_a_new_offset_of_a_row_replaces_its_offset_and_keeps_its_sign_unless_the_scalar_is_subtracted() -> None:
+    poses = some_poses(1)
+    row = JointRow(DISTANCE, (0, 1), np.zeros((2, 3)))
+    distance = np.linalg.norm(poses[0, :3] - poses[1, :3])
+    for changed, value in (
+        (row.plus(2.0), distance + 2.0),
+        (row.minus(2.0), 2.0 - distance),
+        (row.plus(2.0).minus(3.0), 3.0 - distance),
+        (row.minus(2.0).plus(3.0), 3.0 - distance),
+    ):
+        assert JointTable.of([changed]).at(poses)[0] == pytest.approx([value], rel=1e-14)
 
 
 @pytest.mark.parametrize("friction", [0.0, 1.0])
