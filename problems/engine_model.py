@@ -157,8 +157,8 @@ class EngineModel:
         captured = change if self.back is None else _pseudoinverse(self.back).T @ change
         return replace(self, offset=self.offset + self.combination.T @ captured / self.time_step**2)
 
-    def numbers(self) -> dict[str, NDArray[Any]]:
-        """Return the numbers that define the model as labelled arrays; ``of_numbers`` reads them."""
+    def labelled_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the numbers that define the model as labelled arrays; ``of_arrays`` reads them."""
         arrays: dict[str, NDArray[Any]] = {f"engine.{name}": getattr(self, name) for name in _VECTORS}
         arrays["engine.scalars"] = np.array([self.scale, self.time_step])
         for name in _MATRICES:
@@ -168,7 +168,7 @@ class EngineModel:
         return arrays
 
     @staticmethod
-    def of_numbers(name: str, content: Mapping[str, NDArray[Any]]) -> "EngineModel":
+    def of_arrays(name: str, content: Mapping[str, NDArray[Any]]) -> "EngineModel":
         """Return the model with these arrays; ``content`` may contain other arrays.
 
         Raises:
@@ -259,10 +259,10 @@ def _decoding_of(combination: sp.csr_array[Any]) -> _Decoding:
         row[entry, long_columns] = columns.indices[starts[long_columns] + entry]
         weight[entry, long_columns] = columns.data[starts[long_columns] + entry]
     row[1, counts < 2] = -1
-    is_single = np.diff(combination.indptr)[row[0]] == 1
-    single = used[is_single[used]]
+    has_single_entry = np.diff(combination.indptr)[row[0]] == 1
+    single = used[has_single_entry[used]]
     by_normal: dict[int, list[int]] = {}
-    for column in used[~is_single[used]].tolist():
+    for column in used[~has_single_entry[used]].tolist():
         by_normal.setdefault(int(row[0, column]), []).append(column)
     by_size: dict[int, list[list[int]]] = {}
     for edges in by_normal.values():

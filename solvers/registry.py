@@ -112,7 +112,7 @@ def peers() -> list[str]:
 
 
 def on_devices() -> list[str]:
-    """Return the names of solvers on devices of Warp; ``create`` raises ``SolverError`` without Warp or the device."""
+    """Return the names of solvers on Warp devices; ``create`` raises ``SolverError`` without Warp or the device."""
     return list(ON_DEVICES)
 
 

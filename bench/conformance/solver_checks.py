@@ -192,9 +192,11 @@ def is_unaffected_by_observer(solver: Solver, problem: ContactProblem) -> None:
     calls: list[tuple[int, FloatArray]] = []
     prepared = solver.prepare(problem)
     observed = prepared.solve(DEFAULT_STOP, observe=lambda number, impulses: calls.append((number, np.array(impulses))))
-    numbers = [number for number, _ in calls]
-    if numbers != list(range(1, observed.iterations + 1)):
-        called = f"{len(numbers)} times, with iterations {numbers[0]} to {numbers[-1]}" if numbers else "never"
+    iterations = [number for number, _ in calls]
+    if iterations != list(range(1, observed.iterations + 1)):
+        called = (
+            f"{len(iterations)} times, with iterations {iterations[0]} to {iterations[-1]}" if iterations else "never"
+        )
         raise Violation(
             f"on {problem.name} it took {observed.iterations} iterations and called its observer {called}; "
             "call observe(iteration, impulses) after each, from 1, or set has_iterates = False."

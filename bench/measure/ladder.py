@@ -198,7 +198,7 @@ class LadderCase(ABC, Generic[Answer]):
             return None
         try:
             answer, content = self._worker.ask(request, *arguments, largest=largest)
-            numbers = numbers_of(content)
+            values = numbers_of(content)
         except Fault as fault:
             self._fail(fault)
             return None
@@ -207,7 +207,7 @@ class LadderCase(ABC, Generic[Answer]):
             self._fail(invalid_answer_fault())
         elif reason:
             self._fail(Fault(Outcome.UNSUPPORTED, reason[:MAX_REASON_LENGTH]))
-        return None if reason else (answer, numbers)
+        return None if reason else (answer, values)
 
     def _timed_round(
         self, kind: type[Timed], number: int, request: str, *arguments: Any

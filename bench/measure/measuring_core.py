@@ -66,7 +66,7 @@ class MeasuringCore:
     allowed: frozenset[int] = frozenset()
     busy_cores: float = 0.0
     _claim: socket.socket | None = None
-    _numbers: np.ndarray[tuple[int], np.dtype[np.float64]] = field(default_factory=lambda: np.ones(PROBE_NUMBERS))
+    _probe_array: np.ndarray[tuple[int], np.dtype[np.float64]] = field(default_factory=lambda: np.ones(PROBE_NUMBERS))
 
     @staticmethod
     def claim() -> "MeasuringCore":
@@ -149,7 +149,7 @@ class MeasuringCore:
         """Run the fixed computation; return its wall time [s]."""
         began = perf_counter()
         sorted(map(str, range(PROBE_OBJECTS)))
-        (1.5 * self._numbers).sum()
+        (1.5 * self._probe_array).sum()
         return perf_counter() - began
 
 

@@ -12,7 +12,7 @@ from ...problems.exchange.families import Sampling
 from ...problems.representation import counted, html_table, names_or_number
 from ..errors import BenchError
 from ..plugins.descriptions import solver_spec
-from ..plugins.solver_specs import SolverSpec, warm
+from ..plugins.solver_specs import SolverSpec, warm_variant
 from ..store.plans import PlanRecord, RunSettings
 from .selection import ProblemSource, problem_name, require_unique, select, select_shard
 from .trajectories.methods import Method
@@ -38,7 +38,7 @@ DEFAULT_SOLVERS = (
 
 
 SEQUENCE_SOLVERS = ("Robust", "SORprox", "NSGS", "InteriorPoint", "HybridNewton")
-"""Solvers that are measured by default in the suite ``sequences``, from zero and warm."""
+"""Solvers that are measured by default in the suite ``sequences``, with cold and with warm starts."""
 
 Measured = TypeVar("Measured", SolverSpec, Method)
 """The subject of a measurement: a solver, or a stepper with a solver."""
@@ -59,19 +59,19 @@ class Plan(Generic[Measured]):
     solvers: tuple[Measured, ...]
 
     def __repr__(self) -> str:
-        settings = self.record
-        sizes = counted(len(settings.tolerances), "tolerance"), counted(settings.passes, "pass", "passes")
-        return f"<Plan: {'; '.join(self._names().values())}; {', '.join(sizes)}>"
+        record = self.record
+        counts = counted(len(record.tolerances), "tolerance"), counted(record.passes, "pass", "passes")
+        return f"<Plan: {'; '.join(self._names().values())}; {', '.join(counts)}>"
 
     def _repr_html_(self) -> str:
-        settings = self.record
+        record = self.record
         facts: dict[str, object] = dict(self._names())
-        facts["tolerances"] = ", ".join(f"{tolerance:g}" for tolerance in settings.tolerances)
-        facts |= {"passes": settings.passes, "limit of a solve [s]": settings.limits.solve_seconds}
+        facts["tolerances"] = ", ".join(f"{tolerance:g}" for tolerance in record.tolerances)
+        facts |= {"passes": record.passes, "limit of a solve [s]": record.limits.solve_seconds}
         return html_table("Plan of a run", facts)
 
     def _names(self) -> dict[str, str]:
-        """Return the names of problems and solvers, or their numbers if there are many."""
+        """Return the names of problems and solvers, or how many there are if there are many."""
         subject = "method" if self.record.methods else "solver"
         return {
             "problems": names_or_number(self.record.problems, "problem"),
@@ -91,7 +91,7 @@ def make_plan(
 ) -> Plan[SolverSpec]:
     """Return the plan for the given problems (or a suite, or a sample) and solvers (or the default variants).
 
-    Problems of plugins are built and files are read here, see ``select``; other problems are loaded later.
+    Problems of plugins are built, and files are read, immediately (see ``select``); other problems are loaded later.
 
     Args:
         problems: names, files, folders or problem objects; the members of ``suite`` if None.
@@ -109,31 +109,31 @@ def make_plan(
             a problem, or an empty sample.
         SolverError: for an unknown solver or option; the message suggests the nearest name.
         PluginError: if a plugin's solver does not implement the interface, or a plugin does not create its problem.
-        BenchError: for an empty list of solvers, a name given twice, a problem with the name of a library problem and
-            other numbers, a solver object that does not implement the interface, or a shard out of range.
+        BenchError: for an empty list of solvers, a name given twice, a problem that has the name of a library
+            problem but different data, a solver object that does not implement the interface, or a shard out of range.
     """
     settings = settings or RunSettings()
-    chosen = select(problems, suite, sample, settings.seed, sampling)
+    selection = select(problems, suite, sample, settings.seed, sampling)
     if shard:
-        chosen, shard = select_shard(chosen, shard)
-    is_sequences = chosen.suite == SEQUENCES_SUITE
+        selection, shard = select_shard(selection, shard)
+    is_sequence_suite = selection.suite == SEQUENCES_SUITE
     if solvers is not None and not solvers:
         raise BenchError("no solver is given; name at least one, or omit the solvers to measure the default ones.")
-    specs = tuple(map(solver_spec, solvers or (SEQUENCE_SOLVERS if is_sequences else DEFAULT_SOLVERS)))
-    if is_sequences:
-        specs = tuple(dict.fromkeys(variant for spec in specs for variant in (spec, warm(spec))))
+    specs = tuple(map(solver_spec, solvers or (SEQUENCE_SOLVERS if is_sequence_suite else DEFAULT_SOLVERS)))
+    if is_sequence_suite:
+        specs = tuple(dict.fromkeys(variant for spec in specs for variant in (spec, warm_variant(spec))))
     names = [spec.name for spec in specs]
     require_unique("solver", names)
     record = PlanRecord(
-        problems=[problem_name(problem) for problem in chosen.problems],
+        problems=[problem_name(problem) for problem in selection.problems],
         solvers=names,
         tolerances=settings.tolerances,
         limits=settings.limits,
         passes=settings.passes,
         seed=settings.seed,
-        suite=chosen.suite,
-        families=dict(chosen.families),
-        left_out=list(chosen.left_out),
+        suite=selection.suite,
+        families=dict(selection.families),
+        left_out=list(selection.left_out),
         shard=shard,
     )
-    return Plan(record, chosen.problems, specs)
+    return Plan(record, selection.problems, specs)

@@ -139,9 +139,9 @@ class TimedRound(Struct, frozen=True):
         lost = waited if may_have_slept else max(missing, waited)
         return lost > TOLERATED_SHARE * wall + TOLERATED_SECONDS
 
-    def threads_used(self, declared: int) -> int:
+    def threads_used(self, declared_threads: int) -> int:
         """Return the number of threads that the last solve used, at most the number that its solver declares."""
-        return declared if self.threads is None else min(self.threads, declared)
+        return declared_threads if self.threads is None else min(self.threads, declared_threads)
 
     def exceeds(self, cores: int) -> bool:
         """Return whether the processor time of the solves exceeds that of ``cores`` fully used cores."""

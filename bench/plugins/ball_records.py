@@ -60,9 +60,9 @@ def read_balls(record: BallsRecord, arrays: Arrays, n_coordinates: int, n_dofs: 
         friction=0.0 if record.has_rotation else None,
         inertia_factor=record.inertia_factor,
     )
-    sizes = (balls.n_balls * balls.dimension, balls.n_balls * balls.dofs_per_ball)
+    counts = (balls.n_balls * balls.dimension, balls.n_balls * balls.dofs_per_ball)
     is_finite = np.isfinite(balls.radii).all() and np.isfinite(balls.masses).all()
-    if sizes != (n_coordinates, n_dofs) or len(balls.masses) != balls.n_balls or not is_finite:
+    if counts != (n_coordinates, n_dofs) or len(balls.masses) != balls.n_balls or not is_finite:
         raise ValueError("the balls do not fit the scene")
     return balls
 

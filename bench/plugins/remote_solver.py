@@ -185,17 +185,15 @@ class RemotePrepared:
 def answer_fault(answer: dict[str, Any]) -> str | None:
     """Return why an answer to a solve is invalid, or None."""
     status, iterations, message = (answer.get(key) for key in ("status", "iterations", "message"))
-    is_count = type(iterations) is int and 0 <= iterations <= MAX_ITERATIONS
-    if not (status in set(Status) and is_count and isinstance(message, str)):
+    is_valid_count = type(iterations) is int and 0 <= iterations <= MAX_ITERATIONS
+    if not (status in set(Status) and is_valid_count and isinstance(message, str)):
         return INVALID_ANSWER
     return None
 
 
-def are_iterations(numbers: Any) -> bool:
+def are_iterations(values: Any) -> bool:
     """Return whether ``numbers`` is a list of valid iteration numbers."""
-    return isinstance(numbers, list) and all(
-        type(number) is int and 0 <= number <= MAX_ITERATIONS for number in numbers
-    )
+    return isinstance(values, list) and all(type(number) is int and 0 <= number <= MAX_ITERATIONS for number in values)
 
 
 @dataclass

@@ -90,7 +90,7 @@ def built_in(name: str) -> SolverSpec:
     )
 
 
-def warm(spec: SolverSpec) -> SolverSpec:
+def warm_variant(spec: SolverSpec) -> SolverSpec:
     """Return the specification of ``Warm(solver)``; a specification that already starts warm is returned as is."""
     return spec if spec.starts_warm else replace(spec, name=warm_name(spec.name), starts_warm=True)
 
@@ -104,9 +104,9 @@ def pickle_solver(solver: Any) -> bytes:
         BenchError: if the object or its class cannot be pickled.
     """
     module = sys.modules.get(type(solver).__module__)
-    is_by_value = module is not None and module.__name__ != "__main__" and not _is_importable(module.__name__)
+    is_pickled_by_value = module is not None and module.__name__ != "__main__" and not _is_importable(module.__name__)
     try:
-        if is_by_value:
+        if is_pickled_by_value:
             cloudpickle.register_pickle_by_value(module)
         return bytes(cloudpickle.dumps(solver))
     except Exception as error:
@@ -116,7 +116,7 @@ def pickle_solver(solver: Any) -> bytes:
             "plain options only, or provide its class in a plugin file."
         ) from None
     finally:
-        if is_by_value:
+        if is_pickled_by_value:
             cloudpickle.unregister_pickle_by_value(module)
 
 

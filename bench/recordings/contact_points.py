@@ -68,14 +68,14 @@ class Bodies:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
-    """Places of the contacts of a problem, in space (x, y, z), z upwards; planar problems lie in the plane y = 0.
+class ContactPoints:
+    """Points of the contacts of a problem, in space (x, y, z), z upwards; planar problems lie in the plane y = 0.
 
     Attributes:
         positions: positions of the contacts [m], shape (n_contacts, 3).
         frames: axes N, T1, T2 of each contact as rows, shape (n_contacts, 3, 3); zero for missing directions.
         size: median distance from a body to its contact, or spacing of the grid [m]; it scales arrows.
-        origin: a sentence about how the places were determined.
+        origin: a sentence about how the points were determined.
         bodies: the bodies in contact; None if they are unknown.
 
     Raises:
@@ -92,7 +92,7 @@ class Places:
         n = len(self.positions)
         if self.positions.shape != (n, 3) or self.frames.shape != (n, 3, 3):
             raise BenchError(
-                "places need positions of shape (n_contacts, 3) and frames of shape (n_contacts, 3, 3), "
+                "contact points need positions of shape (n_contacts, 3) and frames of shape (n_contacts, 3, 3), "
                 f"got {self.positions.shape} and {self.frames.shape}."
             )
 
@@ -102,12 +102,12 @@ class Places:
         return vectors
 
 
-def find_places(problem: ContactProblem) -> Places:
-    """Return the places of a problem's contacts: from its factors if they describe rigid bodies, else on a grid."""
-    return _from_factors(problem) or grid_places(problem.n_contacts)
+def find_contact_points(problem: ContactProblem) -> ContactPoints:
+    """Return the contact points of a problem: from its factors if they describe rigid bodies, else on a grid."""
+    return _from_factors(problem) or grid_contact_points(problem.n_contacts)
 
 
-def grid_places(n_contacts: int) -> Places:
+def grid_contact_points(n_contacts: int) -> ContactPoints:
     """Return contacts on a square grid of spacing 1, in the order of the problem, with normals upwards."""
     side = max(1, int(np.ceil(np.sqrt(n_contacts))))
     index = np.arange(n_contacts)
@@ -117,11 +117,11 @@ def grid_places(n_contacts: int) -> Places:
         "The problem does not contain the positions of its contacts: they are drawn on a grid, in the order of the "
         "problem, with normals upwards. Its bodies are unknown and not drawn."
     )
-    return Places(positions, np.tile(frame, (n_contacts, 1, 1)), 1.0, text)
+    return ContactPoints(positions, np.tile(frame, (n_contacts, 1, 1)), 1.0, text)
 
 
-def _from_factors(problem: ContactProblem) -> Places | None:
-    """Return the places computed from the factors; None if the factors do not describe rigid bodies."""
+def _from_factors(problem: ContactProblem) -> ContactPoints | None:
+    """Return the points computed from the factors; None if the factors do not describe rigid bodies."""
     if problem.factors is None or not problem.layout.is_dense or not problem.n_contacts:
         return None
     directions = problem.factors.force_directions
@@ -137,8 +137,8 @@ def _from_factors(problem: ContactProblem) -> Places | None:
     frames = np.pad(axes, ((0, 0), (0, 3 - pieces.width), (0, 0)))
     smallest_radii = _smallest_ball_radii(problem, *RIGID_SHAPES[pieces.width, pieces.length])
     reconstructed = _reconstruct_bodies(bodies, axes[:, 0], arms, centres, smallest_radii)
-    text = "Places and directions are computed from the force directions; separate heaps are drawn side by side."
-    return Places(positions, frames, size, f"{text} {reconstructed.sentence}", reconstructed)
+    text = "Positions and directions are computed from the force directions; separate heaps are drawn side by side."
+    return ContactPoints(positions, frames, size, f"{text} {reconstructed.sentence}", reconstructed)
 
 
 def _reconstruct_bodies(

@@ -69,10 +69,10 @@ def record_stored(
     if not len(steps):
         raise BenchError("the simulation has no steps to record; resume it first.")
     times = np.array([scene.start.time, *steps["time"]])
-    numbers = np.searchsorted(times, [state.time for state in states])
+    step_numbers = np.searchsorted(times, [state.time for state in states])
     drawn = (
         (int(number), step_ending_at(scene.system, state, float(times[number] - times[number - 1]), impulse_seconds))
-        for number, state in zip(numbers[1:], states[1:], strict=True)
+        for number, state in zip(step_numbers[1:], states[1:], strict=True)
     )
     scene_recorder(scene, file, len(steps), force).record(steps, drawn)
 

@@ -147,11 +147,11 @@ class SceneRecorder:
 
     def _write_curves(self, stream: rr.RecordingStream, times: FloatArray) -> None:
         for name, points in self._curves.items():
-            numbers = [step for step, value in points.items() if not np.isnan(value)]
-            columns = [rr.TimeColumn(STEP, sequence=numbers), rr.TimeColumn(TIME, duration=times[numbers])]
+            step_numbers = [step for step, value in points.items() if not np.isnan(value)]
+            columns = [rr.TimeColumn(STEP, sequence=step_numbers), rr.TimeColumn(TIME, duration=times[step_numbers])]
             label, colour = name.rpartition("/")[2], _colour_of(name)
             write_curve(
-                stream, f"curves/{name}", columns, [points[step] for step in numbers], label=label, colour=colour
+                stream, f"curves/{name}", columns, [points[step] for step in step_numbers], label=label, colour=colour
             )
 
     def _widen_axes(self, plots: Sequence[rrb.TimeSeriesView]) -> bool:

@@ -22,7 +22,7 @@ from ..store.bundles.bundle import open_run, output_folder
 from ..store.outcome import Outcome
 from ..store.store import check_links_inside, plain_name
 from .blueprints import BODIES, ITERATION, Camera, solves_blueprint
-from .contact_points import Bodies, Places, find_places
+from .contact_points import Bodies, ContactPoints, find_contact_points
 from .contact_states import STATE_COLOURS, ContactState, contact_states, write_state_colours
 from .file import SUFFIX, RecordingFile, write_curve
 from .traces import Trace, trace_solve
@@ -65,12 +65,12 @@ class RecordedSolves:
     Attributes:
         file: path of the recording.
         traces: traces of the solvers, in the given order.
-        places: places of the contacts.
+        contact_points: positions of the contacts.
     """
 
     file: Path
     traces: tuple[Trace, ...]
-    places: Places
+    contact_points: ContactPoints
 
     def summary(self) -> list[dict[str, Any]]:
         """Return solver, iterations, residual and ending of each solve; None for missing and infinite values."""
@@ -92,7 +92,7 @@ def record_solves(
     file: Path,
     force: bool = False,
     *,
-    places: Places | None = None,
+    contact_points: ContactPoints | None = None,
 ) -> RecordedSolves:
     """Solve ``problem`` with each solver from zero, and write the iterations as a recording.
 
@@ -106,20 +106,20 @@ def record_solves(
         stop: stop criterion of each solve; observing does not count towards its time limit.
         file: the recording, ending in ``.rrd``.
         force: replace an existing file.
-        places: places of the contacts; computed by ``find_places`` if None.
+        contact_points: positions of the contacts; computed by ``find_contact_points`` if None.
 
     Raises:
-        BenchError: before solving, if there are no solvers or contacts, ``places`` have another number of contacts, or
-            the file exists (without ``force``), does not end in ``.rrd``, or cannot be written.
+        BenchError: before solving, if there are no solvers or contacts, ``contact_points`` have another number of
+            contacts, or the file exists (without ``force``), does not end in ``.rrd``, or cannot be written.
     """
     if not solvers:
         raise BenchError("name at least one solver to record.")
     if not problem.n_contacts:
         raise BenchError(f"the problem {problem.name!r} has no contacts; record another problem.")
-    contact_places = places if places is not None else find_places(problem)
-    if len(contact_places.positions) != problem.n_contacts:
+    found_points = contact_points if contact_points is not None else find_contact_points(problem)
+    if len(found_points.positions) != problem.n_contacts:
         raise BenchError(
-            f"places have {len(contact_places.positions)} contacts, but the problem {problem.name!r} has "
+            f"there are {len(found_points.positions)} contact points, but the problem {problem.name!r} has "
             f"{problem.n_contacts}."
         )
     specs = [solver_spec(solver) for solver in solvers]
@@ -131,18 +131,18 @@ def record_solves(
         longest = max((trace.iterations[-1] for trace in traces if trace.iterations), default=0)
         ceilings = _ceilings(traces)
         names, heights = [trace.solver for trace in traces], _residual_heights(traces, ceilings["residual"])
-        blueprint = solves_blueprint(names, longest, _camera(contact_places), heights)
+        blueprint = solves_blueprint(names, longest, _camera(found_points), heights)
         stream = recording.begin("solve", f"{problem.name}: {', '.join(names)}", blueprint)
         reference = _reference_impulse(traces)
-        if contact_places.bodies is not None:
-            _write_bodies(stream, contact_places.bodies, contact_places.size)
-        scale = ARROW_SIZES * contact_places.size / reference if reference else 0.0
+        if found_points.bodies is not None:
+            _write_bodies(stream, found_points.bodies, found_points.size)
+        scale = ARROW_SIZES * found_points.size / reference if reference else 0.0
         for index, trace in enumerate(traces):
             _write_curves(stream, trace, index, ceilings)
-            _write_contacts(stream, problem, contact_places, trace, index, scale)
-        about = _about(problem, contact_places, traces, reference)
+            _write_contacts(stream, problem, found_points, trace, index, scale)
+        about = _about(problem, found_points, traces, reference)
         stream.log("about", rr.TextDocument(about, media_type="text/markdown"), static=True)
-    return RecordedSolves(file, tuple(traces), contact_places)
+    return RecordedSolves(file, tuple(traces), found_points)
 
 
 def record_run(run_dir: PathLike[str] | str) -> list[RecordedSolves]:
@@ -210,20 +210,25 @@ def _residual_heights(traces: Sequence[Trace], ceiling: float) -> tuple[float, f
 
 
 def _write_contacts(
-    stream: rr.RecordingStream, problem: ContactProblem, places: Places, trace: Trace, index: int, scale: float
+    stream: rr.RecordingStream,
+    problem: ContactProblem,
+    contact_points: ContactPoints,
+    trace: Trace,
+    index: int,
+    scale: float,
 ) -> None:
     """Write one solver's contacts as dots and impulses as arrows, coloured by state."""
     root = f"solvers/{index}"
     write_state_colours(stream, root)
     if not trace.shown:
         return
-    origins, dot, shaft = places.positions, 0.14 * places.size, 0.09 * places.size
+    origins, dot, shaft = contact_points.positions, 0.14 * contact_points.size, 0.09 * contact_points.size
     dots = rr.Points3D.from_fields(positions=origins, radii=[dot], show_labels=False)
     stream.log(f"{root}/contacts", dots, static=True)
     shafts = rr.Arrows3D.from_fields(origins=origins, radii=[shaft], show_labels=False)
     stream.log(f"{root}/impulses", shafts, static=True)
     states = np.stack([contact_states(problem.layout, lanes) for lanes in trace.impulses])
-    arrows = np.stack([_arrows(places, lanes, scale) for lanes in trace.impulses])
+    arrows = np.stack([_arrows(contact_points, lanes, scale) for lanes in trace.impulses])
     iterations = [rr.TimeColumn(ITERATION, sequence=trace.shown)]
     lengths = [problem.n_contacts] * len(trace.shown)
     dot_columns = rr.Points3D.columns(class_ids=states.ravel()).partition(lengths)
@@ -251,11 +256,11 @@ def _write_bodies(stream: rr.RecordingStream, bodies: Bodies, size: float) -> No
         stream.log(f"{BODIES}/arms", arms, static=True)
 
 
-def _arrows(places: Places, lanes: FloatArray, scale: float) -> FloatArray:
+def _arrows(contact_points: ContactPoints, lanes: FloatArray, scale: float) -> FloatArray:
     """Return arrows [m], shape (n_contacts, 3), limited by ``MAX_ARROW_LENGTH``; zero for infinite and NaN values."""
-    vectors = scale * places.vectors(np.where(np.isfinite(lanes), np.clip(lanes, -1e100, 1e100), 0.0))
+    vectors = scale * contact_points.vectors(np.where(np.isfinite(lanes), np.clip(lanes, -1e100, 1e100), 0.0))
     lengths = np.linalg.norm(vectors, axis=1)
-    longest = MAX_ARROW_LENGTH * ARROW_SIZES * places.size
+    longest = MAX_ARROW_LENGTH * ARROW_SIZES * contact_points.size
     limited: FloatArray = vectors * (longest / np.maximum(lengths, longest))[:, None]
     return limited
 
@@ -270,14 +275,14 @@ def _reference_impulse(traces: Sequence[Trace]) -> float:
     return float(np.quantile(lengths[lengths > 0], 0.9)) if lengths.any() else 0.0
 
 
-def _camera(places: Places) -> Camera:
+def _camera(contact_points: ContactPoints) -> Camera:
     """Return a camera that shows most contacts, with room for arrows; distant outliers are ignored."""
-    low, high = np.quantile(places.positions, (0.03, 0.97), axis=0)
-    distance = 0.85 * float(np.linalg.norm(high - low)) + 8.0 * places.size
+    low, high = np.quantile(contact_points.positions, (0.03, 0.97), axis=0)
+    distance = 0.85 * float(np.linalg.norm(high - low)) + 8.0 * contact_points.size
     return Camera.around(low, high, distance, (0.0, -0.93, 0.37))
 
 
-def _about(problem: ContactProblem, places: Places, traces: Sequence[Trace], reference: float) -> str:
+def _about(problem: ContactProblem, contact_points: ContactPoints, traces: Sequence[Trace], reference: float) -> str:
     """Return the explanation beside the curves, in Markdown."""
     lines = [
         f"**{problem.name}**: {problem.n_contacts} contacts, {problem.n_rows} rows.",
@@ -289,4 +294,4 @@ def _about(problem: ContactProblem, places: Places, traces: Sequence[Trace], ref
     for trace in traces:
         relaxed = "" if trace.model == "coulomb" else f" ({trace.model} model)"
         lines.append(f"* **{trace.solver}**{relaxed}: {trace.sentence}")
-    return "\n".join([*lines, "", places.origin, ""])
+    return "\n".join([*lines, "", contact_points.origin, ""])

@@ -46,9 +46,9 @@ def standings_of_cells(results: pd.DataFrame, ratios: pd.DataFrame) -> dict[tupl
     columns = zip(ratios["problem"], ratios["solver"], ratios["accuracy"], ratios["standing"], strict=True)
     standings = {(problem, solver, accuracy_tag(accuracy)): standing for problem, solver, accuracy, standing in columns}
     return {
-        (row.Index, head): standings.get((row.problem, row.solver, head), "")
+        (row.Index, heading): standings.get((row.problem, row.solver, heading), "")
         for row in results.itertuples()
-        for head in time_columns(results)
+        for heading in time_columns(results)
     }
 
 
@@ -57,8 +57,8 @@ def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
     shown = ratios[["problem", "solver", "standing"]].copy()
     shown.insert(1, "to", ratios["accuracy"].map(accuracy_tag))
     shown.insert(3, "time", ratios["seconds"].map(duration))
-    for position, head in enumerate(("ratio", "low", "high"), 4):
-        shown.insert(position, head, [f"{value:.3g}" if np.isfinite(value) else "–" for value in ratios[head]])
+    for position, heading in enumerate(("ratio", "low", "high"), 4):
+        shown.insert(position, heading, [f"{value:.3g}" if np.isfinite(value) else "–" for value in ratios[heading]])
     return shown
 
 
@@ -71,14 +71,14 @@ def shown_results(
     column *by model* shows the residual by the model of each solver, unless all solvers use Coulomb's law.
     """
     times = time_columns(results)
-    heads = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
+    headings = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
     reasons = list(map(join_texts, results["reason"], results["notes"]))
     shown = results.assign(reason=reasons).drop(columns=["notes", "excluded"])
-    shown = shown.rename(columns=heads | {key: head for head, key in times.items()})
-    for head in times:
+    shown = shown.rename(columns=headings | {key: heading for heading, key in times.items()})
+    for heading in times:
         forms = {"tie": "≈ {}", "fastest": bold, EXCLUDED: f"{{}}{EXCLUDED_MARK}"}
-        cells = zip(shown.index, shown[head].map(duration), strict=True)
-        shown[head] = [forms.get(standings.get((index, head), ""), "{}").format(text) for index, text in cells]
+        cells = zip(shown.index, shown[heading].map(duration), strict=True)
+        shown[heading] = [forms.get(standings.get((index, heading), ""), "{}").format(text) for index, text in cells]
     pairs = zip(shown.pop("threads_used"), shown["threads"], strict=True)
     shown["threads"] = [f"{used} of {declared}" if 0 < used < declared else str(declared) for used, declared in pairs]
     if (results["threads"] == 1).all():
@@ -86,9 +86,9 @@ def shown_results(
     model_residuals = shown.pop("model_residual")
     if not is_study and not all_solve_coulomb(results):
         shown.insert(list(shown.columns).index("residual") + 1, "by model", model_residuals)
-    for head, form in (("residual", ".0e"), ("by model", ".0e"), ("iter.", ".0f")):
-        if head in shown:
-            shown[head] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[head]]
+    for heading, form in (("residual", ".0e"), ("by model", ".0e"), ("iter.", ".0f")):
+        if heading in shown:
+            shown[heading] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[heading]]
     if is_study:
         return shown.drop(columns=["contacts", "family"]).rename(columns={"residual": "error", "iter.": "solves"})
     return shown
@@ -102,8 +102,8 @@ def all_solve_coulomb(cases: pd.DataFrame) -> bool:
 def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     """Return the points of a study as text."""
     shown = pd.DataFrame({"problem": points["problem"], "solver": points["solver"]})
-    for head, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
-        shown[head] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
+    for heading, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
+        shown[heading] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
     shown.insert(3, "quantity", points["quantity"].fillna("–"))
     excluded = points["is_excluded"].eq(True).fillna(False)  # missing if nothing was measured
     walls = zip(points["total_seconds"], excluded, strict=True)
@@ -112,8 +112,8 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
     if (points["overlapping_steps"] > 0).any():
         counts["overlaps"] = "overlapping_steps"
-    for head, key in counts.items():
-        shown[head] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in points[key]]
+    for heading, key in counts.items():
+        shown[heading] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in points[key]]
     return shown.assign(why=points["reason"])
 
 
@@ -122,11 +122,11 @@ def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
     shown = summary[["solver", "model"]].copy()
     for level in [tag] if tag else summary_tags(summary):
         suffix = "" if tag else f" {level}"
-        for head, share in (("claimed", f"success_{level}"), ("confirmed", f"correct_{level}")):
+        for heading, share in (("claimed", f"success_{level}"), ("confirmed", f"correct_{level}")):
             pairs = zip(summary[share], summary["problems"], strict=True)
-            shown[head + suffix] = [f"{round(value * number)}/{number}" for value, number in pairs]
-        for head, key in shown_means(summary).items():
-            shown[head + suffix] = mean_texts(summary, key, level)
+            shown[heading + suffix] = [f"{round(value * number)}/{number}" for value, number in pairs]
+        for heading, key in shown_means(summary).items():
+            shown[heading + suffix] = mean_texts(summary, key, level)
     return shown.assign(wrong=summary["wrong"])
 
 
@@ -162,16 +162,18 @@ def shown_families(solvers: Sequence[str], table: pd.DataFrame, tags: Sequence[s
         tags: accuracies to show; all of ``table`` if empty.
     """
     rows: dict[str, dict[str, str]] = {solver: {} for solver in solvers if solver in set(table["solver"])}
-    chosen, heads = tags or summary_tags(table), dict[str, None]()
+    chosen, headings = tags or summary_tags(table), dict[str, None]()
     means = {tag: mean_texts(table, "mean_time", tag) for tag in chosen}
     for index, row in enumerate(table.to_dict("records")):
         for tag in chosen:
-            head = row["family"] if len(chosen) == 1 else f"{row['family']} {tag}"
+            heading = row["family"] if len(chosen) == 1 else f"{row['family']} {tag}"
             solved = round(row[f"correct_{tag}"] * row["problems"])
-            rows[row["solver"]][head] = f"{solved}/{row['problems']} {means[tag][index]}"
-            heads[head] = None
-    cells = [{"solver": solver, **{head: row.get(head, "–") for head in heads}} for solver, row in rows.items()]
-    return pd.DataFrame(cells, columns=["solver", *heads])
+            rows[row["solver"]][heading] = f"{solved}/{row['problems']} {means[tag][index]}"
+            headings[heading] = None
+    cells = [
+        {"solver": solver, **{heading: row.get(heading, "–") for heading in headings}} for solver, row in rows.items()
+    ]
+    return pd.DataFrame(cells, columns=["solver", *headings])
 
 
 def shown_starts(starts: pd.DataFrame) -> pd.DataFrame:

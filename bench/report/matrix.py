@@ -132,8 +132,8 @@ def _summary(frame: pd.DataFrame) -> str:
         others += [f"{n_infinite} not finite"] if n_infinite else []
         rows.append([f"`{solver}`", counts.get(Outcome.SOLVED, 0), ", ".join(others)])
     table = markdown_table(["solver", "solved", "other outcomes"], rows)
-    is_bad = frame["outcome"].isin(BAD_OUTCOMES).any() or not frame["is_finite"].all()
-    return table if is_bad else f"{table}\n{_NONE_BAD}\n"
+    has_bad_outcome = frame["outcome"].isin(BAD_OUTCOMES).any() or not frame["is_finite"].all()
+    return table if has_bad_outcome else f"{table}\n{_NONE_BAD}\n"
 
 
 def _family_counts(frame: pd.DataFrame) -> str:
@@ -153,15 +153,15 @@ def _family_counts(frame: pd.DataFrame) -> str:
 def _grid(frame: pd.DataFrame) -> str:
     """Return the numbered solvers, and a table of the marks of all cells for each family."""
     solvers = frame["solver"].unique()
-    numbers = range(1, len(solvers) + 1)
-    text = "".join(f"{number}. `{solver}`\n" for number, solver in zip(numbers, solvers, strict=True))
+    solver_numbers = range(1, len(solvers) + 1)
+    text = "".join(f"{number}. `{solver}`\n" for number, solver in zip(solver_numbers, solvers, strict=True))
     cells = frame.to_dict("records")
     marks = {(cell["problem"], cell["solver"]): _mark(cell["outcome"], cell["residual"]) for cell in cells}
     names = frame["problem"].drop_duplicates()
     for group, members in names.groupby(names.map(_family), sort=False):
         rows = [[name, *(marks.get((name, solver), "") for solver in solvers)] for name in members]
         text += f"\n**{group}**\n\n" if group else "\n\n\n"
-        text += markdown_table(["problem", *numbers], rows)
+        text += markdown_table(["problem", *solver_numbers], rows)
     return text
 
 

@@ -224,19 +224,19 @@ def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
             seconds = seconds[seconds.index.isin(own)]
             factors = speedups(with_threads(frames, seconds, baseline), baseline)
             parts["speedup"].append(factors.assign(accuracy=accuracy, family=family, baseline=baseline))
-            for view, part in _views(frames, seconds):
+            for view, view_matrix in _views(frames, seconds):
                 for name, profile in kinds.items():
                     labels: dict[str, Any] = {
                         "accuracy": accuracy,
                         "family": family,
                         "view": view,
-                        "problems": len(part),
+                        "problems": len(view_matrix),
                     }
-                    own_columns = with_threads(frames, part) if name == "performance" else part
+                    own_columns = with_threads(frames, view_matrix) if name == "performance" else view_matrix
                     parts[name].append(profile(own_columns).assign(**labels))
-        for view, part in _views(frames, residual_matrix(frames).loc[own]):
-            rows = accuracy_profile(part)
-            parts["accuracy"].append(rows.assign(family=family, view=view, problems=len(part)))
+        for view, view_matrix in _views(frames, residual_matrix(frames).loc[own]):
+            rows = accuracy_profile(view_matrix)
+            parts["accuracy"].append(rows.assign(family=family, view=view, problems=len(view_matrix)))
     return {
         name: pd.concat(tables, ignore_index=True)[columns]
         if (tables := parts[name])

@@ -86,11 +86,13 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
             )
         if is_single_motion:
             row |= {"from": f"{first['low']:.1e}", "to": f"{first['high']:.1e}"}
-        counts = {head: first[name] for head, name in (("missed", "unsolved_steps"), ("failed", "failed_members"))}
+        counts = {
+            heading: first[name] for heading, name in (("missed", "unsolved_steps"), ("failed", "failed_members"))
+        }
         mark = EXCLUDED_MARK if first["is_excluded"] == 1 else ""
         row |= {"wall [s]": f"{first['total_seconds']:.3g}{mark}", "CPU [s]": f"{first['processor_seconds']:.3g}"}
         row["solves"] = _count_text(first["iterations"])
-        rows.append(row | {head: _count_text(count) if count else "–" for head, count in counts.items()})
+        rows.append(row | {heading: _count_text(count) if count else "–" for heading, count in counts.items()})
     if rows:
         print_table(
             console,

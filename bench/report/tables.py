@@ -230,10 +230,10 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
         fastest = {cell for cell, standing in standings.items() if standing == "fastest"}
         print_table(console, shown, left_aligned=("model", "ended"), optional=optional, bold=fastest)
         for row in rows.to_dict("records") if noted else ():
-            is_noted = row["outcome"] in noted
-            text = join_texts(row["reason"] if is_noted else "", row["notes"])
+            has_note = row["outcome"] in noted
+            text = join_texts(row["reason"] if has_note else "", row["notes"])
             if text:
-                note = f"{row['solver']}: {row['outcome']}, {text}" if is_noted else f"{row['solver']}: {text}"
+                note = f"{row['solver']}: {row['outcome']}, {text}" if has_note else f"{row['solver']}: {text}"
                 console.print(Text(wrap_note(note, console.width), style="dim"))
         console.print()
         if frames.is_study:
@@ -297,9 +297,9 @@ def _headline(frames: RunFrames, problem: str, contacts: int) -> str:
     return f"{problem} · {counted(contacts, 'contact')}"
 
 
-def _legend(frames: RunFrames, heads: list[str], summary: pd.DataFrame) -> str:
+def _legend(frames: RunFrames, headings: list[str], summary: pd.DataFrame) -> str:
     """Return the legend of the printed tables; ``heads`` are those of the columns of times."""
-    columns = f"Columns {heads[0]} to {heads[-1]} give" if len(heads) > 1 else f"Column {heads[0]} gives"
+    columns = f"Columns {headings[0]} to {headings[-1]} give" if len(headings) > 1 else f"Column {headings[0]} gives"
     if frames.is_study:
         return f"{columns} the least median time of a simulation, to that error; – means never reached."
     goal = f"to that {frames.residual} residual"

@@ -49,8 +49,8 @@ def extended(segments: tuple[Segment, ...], plan: SimulationPlan, first: int) ->
     A new segment begins only if the settings differ from those of the last segment.
     """
     new = planned_segment(plan, first)
-    is_same = bool(segments) and structs.replace(new, first=segments[-1].first) == segments[-1]
-    return segments if is_same else (*segments, new)
+    has_same_settings = bool(segments) and structs.replace(new, first=segments[-1].first) == segments[-1]
+    return segments if has_same_settings else (*segments, new)
 
 
 def check_segments(segments: Sequence[Segment], n_steps: int) -> None:
@@ -59,9 +59,9 @@ def check_segments(segments: Sequence[Segment], n_steps: int) -> None:
     Raises:
         ValueError: if the first segment does not begin at step 0, or a segment is empty or out of order.
     """
-    firsts = [segment.first for segment in segments]
-    has_start = firsts[:1] == [0] if n_steps else not firsts
-    if not has_start or any(following <= first for first, following in pairwise([*firsts, n_steps])):
+    first_steps = [segment.first for segment in segments]
+    has_start = first_steps[:1] == [0] if n_steps else not first_steps
+    if not has_start or any(following <= first for first, following in pairwise([*first_steps, n_steps])):
         raise ValueError("the segments do not cover the steps")
 
 

@@ -103,8 +103,8 @@ def machines_by_problem(frames: RunFrames) -> dict[str, list[Machine]]:
     """Return the machines on which each problem was measured, one for each session."""
     sessions = frames.info.sessions
     known = frames.rounds[frames.rounds["session"] < len(sessions)].groupby("problem", sort=False)["session"]
-    used = {str(name): sorted(map(int, numbers.unique())) for name, numbers in known}
-    return {name: [sessions[number].machine for number in numbers] for name, numbers in used.items()}
+    used = {str(name): sorted(map(int, session_numbers.unique())) for name, session_numbers in known}
+    return {name: [sessions[number].machine for number in session_numbers] for name, session_numbers in used.items()}
 
 
 def _short(value: object) -> str:

@@ -72,10 +72,10 @@ def decode_record(text: bytes, kind: type[R], name: str, remedy: str) -> R:
     """
     try:
         content = msgspec.json.decode(text)
-        is_whole = isinstance(content, dict) and content.pop("checksum", None) == checksum(content)
+        has_valid_checksum = isinstance(content, dict) and content.pop("checksum", None) == checksum(content)
     except (msgspec.DecodeError, ValueError, RecursionError):
         raise BenchError(f"{name} is damaged (it is not JSON); {remedy}.") from None
-    if not is_whole:
+    if not has_valid_checksum:
         raise BenchError(f"{name} is damaged (its checksum does not match); {remedy}.")
     version = content.pop("format", None)
     if version != FORMAT:

@@ -94,8 +94,8 @@ def point_outcome(status: Status, tolerance: float, model: Model, own: Verdict, 
         own: verdict under the solver's own model.
         coulomb: verdict under Coulomb's law.
     """
-    is_claim = status is Status.SOLVED
-    return claim_outcome(tolerance, model, own.residual, coulomb.residual) if is_claim else Outcome(status.value)
+    claims_solution = status is Status.SOLVED
+    return claim_outcome(tolerance, model, own.residual, coulomb.residual) if claims_solution else Outcome(status.value)
 
 
 def claim_outcome(tolerance: float, model: Model, own: float, coulomb: float) -> Outcome:

@@ -76,7 +76,7 @@ class Store:
             BenchError: if the folder is not a run.
         """
         if not (folder / RUN_FILE).is_file():
-            raise BenchError(_no_run(folder))
+            raise BenchError(_missing_run_text(folder))
         return Store(folder)
 
     def require_new(self) -> None:
@@ -179,8 +179,8 @@ class Store:
         """
         for path, content in self._written.items():
             with suppress(OSError):
-                is_whole = path.is_file() and path.stat().st_size == len(content)
-                if is_whole and path.read_bytes() == content:
+                has_same_size = path.is_file() and path.stat().st_size == len(content)
+                if has_same_size and path.read_bytes() == content:
                     continue
             put_file(path, content)
 
@@ -213,7 +213,7 @@ def is_bundle(path: Path) -> bool:
     return path.suffix == BUNDLE_SUFFIX and path.is_file()
 
 
-def _no_run(path: Path) -> str:
+def _missing_run_text(path: Path) -> str:
     """Return why a path is not a stored run, and the remedy."""
     fault, remedy = f"it has no {RUN_FILE}", "name the folder of a run"
     if is_bundle(path):

@@ -39,9 +39,9 @@ def distinct_keys(
             name = known[candidates[column]]
             if not names[contacts[row]] and name not in names:
                 names[contacts[row]] = name
-        free = (name for number in range(len(contacts)) if (name := _numbered(key, number)) not in names)
+        unused_names = (name for number in range(len(contacts)) if (name := _numbered(key, number)) not in names)
         for index in contacts:
-            names[index] = names[index] or next(free)
+            names[index] = names[index] or next(unused_names)
     return tuple(names)
 
 

@@ -160,7 +160,7 @@ def engine_sets(data: Any) -> tuple[list[int], list[int], FloatArray]:
         ``EngineSet`` and first row of each set, and the coefficient of each row, shape (n_engine_rows,).
     """
     types = mujoco().mjtConstraint
-    kinds, firsts, coefficient, row = [], [], np.ones(data.nefc), 0
+    kinds, first_rows, coefficient, row = [], [], np.ones(data.nefc), 0
     while row < data.nefc:
         kind, length = int(data.efc_type[row]), 1
         if kind == types.mjCNSTR_CONTACT_ELLIPTIC:
@@ -175,9 +175,9 @@ def engine_sets(data: Any) -> tuple[list[int], list[int], FloatArray]:
         else:
             form = EngineSet.HALF_LINE
         kinds.append(int(form))
-        firsts.append(row)
+        first_rows.append(row)
         row += length
-    return kinds, firsts, coefficient
+    return kinds, first_rows, coefficient
 
 
 def _add_single_row(collector: _RowCollector, model: Any, data: Any, row: int, norm: float) -> None:

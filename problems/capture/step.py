@@ -162,14 +162,14 @@ def captured_step(model: Any, data: Any, name: str = "") -> CapturedStep:
         own_mass = inverse if is_discrete else own_mass
     step, force = float(model.opt.timestep), after.efc_force.copy()
     smooth = after.qacc_smooth if is_discrete else inverse.times(after.qfrc_smooth)
-    free = before + step * smooth
+    free_motion = before + step * smooth
     total = jacobian.T @ force
     if inverse is own_mass:
         # such a step uses the acceleration of the solver, which matches its forces only when the solver has converged
         total = total + _unbalanced(inverse, after, total)
-    error = _velocity_error(free + inverse.times(step * total), after.qvel, before, free)
+    error = _velocity_error(free_motion + inverse.times(step * total), after.qvel, before, free_motion)
     _require_small(error, data.time)
-    problem = _problem(module, model, data, rows, (jacobian, inverse, free, step * force), name)
+    problem = _problem(module, model, data, rows, (jacobian, inverse, free_motion, step * force), name)
     problem = problem.renamed(problem.name, **{VELOCITY_ERROR: error})
     engine = _engine_model(module, after, own_mass, jacobian, sp.csr_array(step * rows.force), step)
     problem = replace(problem, keys=distinct_keys(rows.keys, rows.anchors), engine=engine)
@@ -251,12 +251,12 @@ def _unbalanced(inverse: InverseMass, data: Any, total: FloatArray) -> FloatArra
     return unbalanced
 
 
-def _velocity_error(expected: FloatArray, after: FloatArray, before: FloatArray, free: FloatArray) -> float:
+def _velocity_error(expected: FloatArray, after: FloatArray, before: FloatArray, free_motion: FloatArray) -> float:
     """Return the error of the velocity after a step, relative to its largest term; NaN if a velocity is not finite.
 
     The velocity without constraints is a term, because it is by far the largest one if bodies are at rest.
     """
-    scale = np.abs([before, free, expected, after]).max()
+    scale = np.abs([before, free_motion, expected, after]).max()
     return float(np.abs(after - expected).max() / scale) if scale else 0.0
 
 
@@ -277,12 +277,12 @@ def _problem(
     parts: tuple[Any, InverseMass, FloatArray, FloatArray],
     name: str,
 ) -> ContactProblem:
-    jacobian, inverse, free, impulse = parts
+    jacobian, inverse, free_motion, impulse = parts
     directions = sp.csc_array((rows.velocity @ jacobian).T)
     if rows.refused:
         refused = [row.row for row in rows.refused]
-        free = free + inverse.times(jacobian[refused].T @ impulse[refused])
-    velocity = directions.T @ free + rows.surface_velocity
+        free_motion = free_motion + inverse.times(jacobian[refused].T @ impulse[refused])
+    velocity = directions.T @ free_motion + rows.surface_velocity
     provenance: dict[str, str | int | float] = {
         "engine": f"MuJoCo {module.__version__}",
         "integrator": module.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_").lower(),
@@ -300,7 +300,7 @@ def _problem(
         inverse,
         velocity,
         laws=rows.laws,
-        free_motion=free,
+        free_motion=free_motion,
         name=name or model_name(model),
         provenance=provenance,
     )
@@ -314,7 +314,7 @@ def model_name(model: Any) -> str:
 def _engine_model(
     module: Any, data: Any, mass: InverseMass, jacobian: Any, combination: sp.csr_array[Any], step: float
 ) -> EngineModel:
-    kinds, firsts, coefficient = engine_sets(data)
+    kinds, first_rows, coefficient = engine_sets(data)
     return EngineModel(
         name=f"MuJoCo {module.__version__}",
         matrix=sp.csr_array(jacobian @ mass.matrix @ jacobian.T),
@@ -322,7 +322,7 @@ def _engine_model(
         offset=jacobian @ data.qacc_smooth - data.efc_aref,
         scale=float(np.max(abs(jacobian) @ np.abs(data.qacc_smooth) + np.abs(data.efc_aref))),
         kind=np.array(kinds, dtype=np.int8),
-        first_row=np.array(firsts, dtype=np.int64),
+        first_row=np.array(first_rows, dtype=np.int64),
         coefficient=coefficient,
         bound=data.efc_frictionloss,
         combination=combination,

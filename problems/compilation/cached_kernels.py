@@ -88,8 +88,8 @@ def _digest_of(value: Any, module: str) -> bytes:
         origin = value.__module__
     else:
         return b""
-    is_other = origin != module and origin.startswith(f"{PACKAGE}.")
-    return source_digest(origin, vars(sys.modules[origin])) if is_other else b""
+    is_other_module = origin != module and origin.startswith(f"{PACKAGE}.")
+    return source_digest(origin, vars(sys.modules[origin])) if is_other_module else b""
 
 
 def _number_bytes(name: str, value: Any) -> bytes:

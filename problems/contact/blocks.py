@@ -60,7 +60,7 @@ class BlockLayout:
     def of(laws: Laws) -> "BlockLayout":
         """Return a new layout of ``laws``; ``layout_of`` caches one per ``Laws`` object."""
         n_laws = laws.n_laws
-        slot, numbers, bounds = np.empty(laws.n_rows, np.int64), np.empty((5, n_laws), np.int64), np.empty((4, n_laws))
+        slot, indices, bounds = np.empty(laws.n_rows, np.int64), np.empty((5, n_laws), np.int64), np.empty((4, n_laws))
         is_bilateral = np.empty(n_laws, np.bool_)
         arguments = (
             laws.sets,
@@ -70,9 +70,9 @@ class BlockLayout:
             laws.friction_coefficient,
             laws.fixed_bound,
         )
-        sliding, width, n, n_joints = map(int, write_layout(*arguments, slot, numbers, bounds, is_bilateral))
-        read_only(slot, numbers, bounds, is_bilateral)
-        owners, partner = (numbers[0, :n], numbers[1, :n], numbers[2, :n]), numbers[3, :n]
+        sliding, width, n, n_joints = map(int, write_layout(*arguments, slot, indices, bounds, is_bilateral))
+        read_only(slot, indices, bounds, is_bilateral)
+        owners, partner = (indices[0, :n], indices[1, :n], indices[2, :n]), indices[3, :n]
         limits = (bounds[0, :n], bounds[1, :n], bounds[2, :n], bounds[3, :n])
         has_contacts_only = width == 1 + sliding and n_joints == 0
         return BlockLayout(width, sliding, slot, *owners, *limits, partner, is_bilateral[:n], has_contacts_only)
@@ -160,14 +160,14 @@ def _part_of_layout(laws: Laws) -> BlockLayout | None:
 @interpretable
 @njit(cache=True)
 def write_layout(  # type: ignore[no-untyped-def]
-    sets, row_count, is_rolling, partner_law, mu, fixed, slot, numbers, bounds, is_bilateral
+    sets, row_count, is_rolling, partner_law, mu, fixed_bound, slot, indices, bounds, is_bilateral
 ):
     """Return the numbers of tangential lanes and of all lanes per block, of blocks, and of joints.
 
     Write the slot of each row and the block of each law. For each block, write the normal, friction
     and rolling law, the partner, μ, a, μ_r, the rolling a, and whether it is a joint.
     """
-    block, n_blocks, sliding, rolling = numbers[4], 0, 0, 0
+    block, n_blocks, sliding, rolling = indices[4], 0, 0, 0
     for law in range(len(sets)):  # friction that directly follows its partner shares its block; so does rolling
         if is_rolling[law]:
             rolling = max(rolling, row_count[law])
@@ -176,23 +176,23 @@ def write_layout(  # type: ignore[no-untyped-def]
         if law == 0 or sets[law] == HALF_LINE or (not is_rolling[law] and partner_law[law] != law - 1):
             n_blocks += 1
         block[law] = n_blocks - 1
-    width, partner = 1 + sliding + rolling, numbers[3]
+    width, partner = 1 + sliding + rolling, indices[3]
     for b in range(n_blocks):
-        numbers[0, b], numbers[1, b], numbers[2, b], partner[b] = -1, -1, -1, b
+        indices[0, b], indices[1, b], indices[2, b], partner[b] = -1, -1, -1, b
         bounds[0, b] = bounds[1, b] = bounds[2, b] = bounds[3, b] = 0.0
         is_bilateral[b] = False
     row, n_joints = 0, 0
     for law in range(len(sets)):
         b = block[law]
         if sets[law] != BALL:
-            numbers[0, b], is_bilateral[b] = law, sets[law] == LINE
+            indices[0, b], is_bilateral[b] = law, sets[law] == LINE
             n_joints += sets[law] == LINE
             slot[row] = width * b
             row += 1
             continue
         rolls = 1 if is_rolling[law] else 0
-        numbers[1 + rolls, b] = law
-        bounds[2 * rolls, b], bounds[2 * rolls + 1, b] = mu[law], fixed[law]
+        indices[1 + rolls, b] = law
+        bounds[2 * rolls, b], bounds[2 * rolls + 1, b] = mu[law], fixed_bound[law]
         if rolls == 0 and partner_law[law] >= 0:
             partner[b] = block[partner_law[law]]
         first = 1 + sliding if rolls == 1 else 1

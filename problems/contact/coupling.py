@@ -57,9 +57,9 @@ def largest_around(problem: ContactProblem, values: FloatArray) -> FloatArray:
     n_bodies, starts, bodies, contacts = _touched_bodies(problem)
     largest = values.copy()
     if problem.factors is None:
-        _largest_of_neighbours(starts, bodies, contacts, values, largest)
+        _write_largest_of_neighbours(starts, bodies, contacts, values, largest)
     else:
-        _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest)
+        _write_largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest)
     if not problem.layout.bounds_are_own:
         partner = problem.layout.partner
         np.maximum.at(largest, partner, values)
@@ -103,13 +103,13 @@ def _coupled_contacts(indptr, indices, data, root, contact_of_row):  # type: ign
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def _touched_rows(first, chunks, values, idle):  # type: ignore[no-untyped-def]
+def _touched_rows(piece_starts, chunks, values, idle):  # type: ignore[no-untyped-def]
     """Return, in compressed rows, the rows of W̃ in which each contact has an entry."""
     width, length = values.shape[1], values.shape[2]
-    starts, bodies = np.zeros(len(first), dtype=np.int64), np.empty(len(chunks) * length, dtype=np.int64)
+    starts, bodies = np.zeros(len(piece_starts), dtype=np.int64), np.empty(len(chunks) * length, dtype=np.int64)
     count = 0
-    for contact in range(len(first) - 1):
-        for p in range(first[contact], first[contact + 1]):
+    for contact in range(len(piece_starts) - 1):
+        for p in range(piece_starts[contact], piece_starts[contact + 1]):
             if chunks[p] == idle:
                 continue
             for k in range(length):
@@ -132,9 +132,9 @@ def components_over_matrix(indptr, indices, data, diagonal, contact_of_row, part
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def components_over_pieces(first, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
+def components_over_pieces(piece_starts, chunks, values, n_chunks, partner):  # type: ignore[no-untyped-def]
     """Return the component of each contact if the factors are known."""
-    starts, bodies = _touched_rows(first, chunks, values, n_chunks)
+    starts, bodies = _touched_rows(piece_starts, chunks, values, n_chunks)
     return _components(partner, n_chunks * values.shape[2], starts, bodies, np.arange(len(partner)))
 
 
@@ -206,7 +206,7 @@ def _components(partner, n_bodies, starts, bodies, contacts):  # type: ignore[no
 
 @interpretable
 @njit(cache=True)
-def _largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
+def _write_largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
     """Write the largest value among each contact and those coupled with it, if only G is known."""
     for row in range(len(contacts)):
         for p in range(starts[row], starts[row + 1]):
@@ -216,7 +216,7 @@ def _largest_of_neighbours(starts, bodies, contacts, values, largest):  # type: 
 
 @interpretable
 @njit(cache=True)
-def _largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
+def _write_largest_over_bodies(n_bodies, starts, bodies, contacts, values, largest):  # type: ignore[no-untyped-def]
     """Write the largest value among the contacts of the bodies of each contact, if the factors are known."""
     of_body = np.zeros(n_bodies)
     for row in range(len(contacts)):
@@ -277,14 +277,14 @@ def _write_scales(  # type: ignore[no-untyped-def]
 @interpretable
 @njit(cache=True, error_model="numpy")
 def write_scales_and_ratios(  # type: ignore[no-untyped-def]
-    sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, component, slot, width, numbers
+    sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity, component, slot, width, law_values
 ):
-    """Write α, ℓ, ℓ ‖c‖ and a ratio for each law into the rows of ``numbers``, shape (at least 4, n_laws).
+    """Write α, ℓ, ℓ ‖c‖ and a ratio for each law into the rows of ``law_values``, shape (at least 4, n_laws).
 
     The ratio is the largest ℓ ‖c‖ of the problem divided by that of the law's component, or 1 if that of the component
     is negligible. ``component`` holds the component of each contact. The return value is that of ``_write_scales``.
     """
-    alpha, lengths, speeds, ratios = numbers[0], numbers[1], numbers[2], numbers[3]
+    alpha, lengths, speeds, ratios = law_values[0], law_values[1], law_values[2], law_values[3]
     arguments = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)
     stuck, scale = _write_scales(*arguments, alpha, lengths, speeds)
     largest, owns = np.zeros(len(component)), np.empty(len(sets), dtype=np.int64)

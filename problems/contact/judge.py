@@ -112,11 +112,11 @@ class Verdict:
         return f"<Verdict: residual {self.residual:.3g}, {local}, {self.model} model{infeasible}>"
 
     def _repr_html_(self) -> str:
-        known = {name: value for name, value in self.numbers().items() if value is not None}
+        known = {name: value for name, value in self.numeric_fields().items() if value is not None}
         facts = {f"{name.replace('_', ' ')}{UNITS.get(name, '')}": value for name, value in known.items()}
         return html_table(f"Verdict by the {self.model} model", facts)
 
-    def numbers(self) -> dict[str, float | bool | None]:
+    def numeric_fields(self) -> dict[str, float | bool | None]:
         """Return the fields that are single numbers, by name."""
         return {name: value for name, value in vars(self).items() if name not in NON_NUMERIC_FIELDS}
 
@@ -212,12 +212,12 @@ def local_residual(problem: ContactProblem, impulses: FloatArray, free_fall: flo
 
 def _infinite_verdict(problem: ContactProblem, residual: Residual, model: Model) -> Verdict:
     """Return the verdict on impulses that are not all finite; all of its errors are infinite or NaN."""
-    numbers: dict[str, Any] = {item.name: np.inf for item in fields(Verdict) if item.name not in NON_NUMERIC_FIELDS}
+    values: dict[str, Any] = {item.name: np.inf for item in fields(Verdict) if item.name not in NON_NUMERIC_FIELDS}
     if problem.answer is None or problem.answer.velocity is None:
-        numbers["velocity_error"] = None
-    numbers |= {"dissipated_energy": np.nan, "infeasible": residual.infeasible}
+        values["velocity_error"] = None
+    values |= {"dissipated_energy": np.nan, "infeasible": residual.infeasible}
     n_components = int(residual.components.max(initial=-1)) + 1
-    return Verdict(**numbers, model=model, component_residuals=(np.inf,) * n_components)
+    return Verdict(**values, model=model, component_residuals=(np.inf,) * n_components)
 
 
 def _in_usual_units(verdict: Verdict, unit: float) -> Verdict:
@@ -271,17 +271,20 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
     The bound of a friction law that does not follow its partner is fixed at its current value.
     """
     layout, lanes, velocities = problem.layout, problem.layout.pad(impulses), problem.layout.pad(velocity)
-    friction, fixed = layout.friction_coefficient, layout.fixed_bound
+    friction, fixed_bound = layout.friction_coefficient, layout.fixed_bound
     if not layout.bounds_are_own:
-        is_own = layout.partner == np.arange(layout.n_blocks)
+        is_own_partner = layout.partner == np.arange(layout.n_blocks)
         remote_bound = friction * np.maximum(lanes[layout.partner, 0], 0.0)
-        friction, fixed = np.where(is_own, friction, 0.0), fixed + np.where(is_own, 0.0, remote_bound)
+        friction, fixed_bound = (
+            np.where(is_own_partner, friction, 0.0),
+            fixed_bound + np.where(is_own_partner, 0.0, remote_bound),
+        )
     tangent, rolling = velocities[:, 1 : 1 + layout.sliding], velocities[:, 1 + layout.sliding :]
     lift = friction * np.sqrt(_squares(tangent))
     if layout.rolling:
         lift += layout.rolling_coefficient * np.sqrt(_squares(rolling))
     velocities[:, 0] += lift
-    difference = lanes - onto_contact_cones(layout, lanes - velocities, friction, fixed, np.ones(layout.n_blocks))
+    difference = lanes - onto_contact_cones(layout, lanes - velocities, friction, fixed_bound, np.ones(layout.n_blocks))
     frictionless = (layout.friction_law < 0) & (layout.rolling_law < 0) & ~layout.is_bilateral
     difference[frictionless, 0] = np.minimum(lanes[frictionless, 0], velocities[frictionless, 0])
     difference[layout.is_bilateral] = velocities[layout.is_bilateral]

@@ -32,7 +32,7 @@ from .matrices.delassus import DelassusBlocks, blocks_from_matrix, blocks_from_p
 from .matrices.factors import Factors
 from .matrices.pieces import Pieces
 from .matrices.symmetric import checked_delassus
-from .matrices.user_matrices import sparse_numbers
+from .matrices.user_matrices import sparse_arrays
 
 FREE_FALL = "free_fall"
 """The key of the provenance for the velocity that free bodies gain in the problem's time step [m/s]."""
@@ -95,12 +95,12 @@ class ContactProblem:
 
     def __repr__(self) -> str:
         joints, rows = self.laws.n_joint_rows, counted(self.n_rows, "row")
-        sizes = [counted(self.n_contacts - joints, "contact"), f"{rows}, {joints} of joints" if joints else rows]
-        return f"<ContactProblem {self.name!r}: {', '.join(sizes)}, holds {self._form}>"
+        counts = [counted(self.n_contacts - joints, "contact"), f"{rows}, {joints} of joints" if joints else rows]
+        return f"<ContactProblem {self.name!r}: {', '.join(counts)}, holds {self._form}>"
 
     def _repr_html_(self) -> str:
-        sizes = {"contacts": self.n_contacts - self.laws.n_joint_rows, "rows": self.n_rows}
-        facts = {**sizes, "laws": self.laws.summary, "holds": self._form}
+        counts = {"contacts": self.n_contacts - self.laws.n_joint_rows, "rows": self.n_rows}
+        facts = {**counts, "laws": self.laws.summary, "holds": self._form}
         return html_table(f"Contact problem {self.name}", {**facts, **self.provenance})
 
     @property
@@ -258,22 +258,22 @@ class ContactProblem:
     def digest(self) -> str:
         """SHA-256 of the numbers that define the problem: G or its factors, c, the laws, and the engine's model."""
         sha = hashlib.sha256(b"proxbench contact problem 1")
-        for label, array in self._numbers():
+        for label, array in self._labelled_arrays():
             sha.update(f"{label}:{array.dtype.str}:{array.shape};".encode())
             sha.update(np.ascontiguousarray(array).tobytes())
         return sha.hexdigest()
 
-    def _numbers(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
+    def _labelled_arrays(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
         laws = self.laws
-        numbers: list[tuple[str, np.ndarray[Any, Any]]] = [
+        arrays: list[tuple[str, np.ndarray[Any, Any]]] = [
             ("c", self.free_velocity),
             ("kind", laws.kind),
             ("mu", laws.friction_coefficient),
             ("a", laws.fixed_bound),
             ("partner", laws.partner),
         ]
-        numbers += sparse_numbers("G", self.matrix) if self.factors is None else self.factors.numbers()
-        return numbers + ([] if self.engine is None else list(self.engine.numbers().items()))
+        arrays += sparse_arrays("G", self.matrix) if self.factors is None else self.factors.labelled_arrays()
+        return arrays + ([] if self.engine is None else list(self.engine.labelled_arrays().items()))
 
     def renamed(self, name: str, **provenance: str | int | float) -> "ContactProblem":
         """Return the same problem under another name, with ``provenance`` added.

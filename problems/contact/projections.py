@@ -35,11 +35,11 @@ def project(laws: Laws, impulses: FloatArray) -> FloatArray:
 
 
 @njit(cache=True)
-def _project(sets, first_row, row_count, mu, fixed, partner, impulses):  # type: ignore[no-untyped-def]
+def _project(sets, first_row, row_count, mu, fixed_bound, partner, impulses):  # type: ignore[no-untyped-def]
     for is_friction in (False, True):  # a friction law may precede the law that bounds it
         for law in range(len(sets)):
             if (sets[law] == BALL) == is_friction:
-                bound = fixed[law]
+                bound = fixed_bound[law]
                 if partner[law] >= 0:
                     bound += mu[law] * impulses[first_row[partner[law]]]
                 project_rows(sets[law], first_row[law], row_count[law], bound, impulses)
@@ -69,7 +69,7 @@ def project_rows(form, first, count, bound, vector):  # type: ignore[no-untyped-
 
 
 def onto_cone(
-    normal: FloatArray, parts: Sequence[FloatArray], friction: Sequence[FloatArray], fixed: Sequence[FloatArray]
+    normal: FloatArray, parts: Sequence[FloatArray], friction: Sequence[FloatArray], fixed_bound: Sequence[FloatArray]
 ) -> tuple[FloatArray, list[FloatArray]]:
     """Project (N, T, …) onto {N ≥ 0, ‖T‖ ≤ a + μ N, …}, the intersection of one friction cone per part.
 
@@ -85,13 +85,13 @@ def onto_cone(
         normal: N₀, shape (n,).
         parts: T₀ of each part, shape (n, any) each.
         friction: μ of each part, shape (n,) each.
-        fixed: a of each part, shape (n,) each.
+        fixed_bound: a of each part, shape (n,) each.
 
     Returns:
         The projected N and parts.
     """
     lengths = [np.sqrt(np.einsum("ij,ij->i", part, part)) for part in parts]
-    cones = list(zip(friction, lengths, fixed, strict=True))
+    cones = list(zip(friction, lengths, fixed_bound, strict=True))
     # the function is the minimum of increasing linear pieces, so its zero is the largest of their zeros
     projected_normal = np.full(len(normal), -np.inf)
     for active in chain.from_iterable(combinations(cones, count) for count in range(1, len(cones) + 1)):
@@ -102,7 +102,7 @@ def onto_cone(
     is_inside = np.all([length <= a + mu * normal for mu, length, a in cones], axis=0)
     projected_normal = np.maximum(np.where(is_inside, normal, projected_normal), 0.0)  # a point inside keeps N₀ exactly
     shortened = []
-    for part, length, mu, a in zip(parts, lengths, friction, fixed, strict=True):
+    for part, length, mu, a in zip(parts, lengths, friction, fixed_bound, strict=True):
         radius = a + mu * projected_normal
         shrink = np.where(length > radius, radius / np.where(length > 0.0, length, 1.0), 1.0)
         shortened.append(part * shrink[:, None])
@@ -110,7 +110,7 @@ def onto_cone(
 
 
 def onto_contact_cones(
-    layout: BlockLayout, lanes: FloatArray, friction: FloatArray, fixed: FloatArray, length: FloatArray
+    layout: BlockLayout, lanes: FloatArray, friction: FloatArray, fixed_bound: FloatArray, length: FloatArray
 ) -> FloatArray:
     """Project the impulses of each block onto its cone; impulses of bilateral blocks do not change.
 
@@ -118,13 +118,13 @@ def onto_contact_cones(
         layout: the blocks.
         lanes: impulses, the rolling ones divided by ``length``, padded to shape (n_blocks, width).
         friction: μ of the block's own Λ_N, shape (n_blocks,).
-        fixed: the constant part of the bound on Λ_T [N s], shape (n_blocks,).
+        fixed_bound: the constant part of the bound on Λ_T [N s], shape (n_blocks,).
         length: divisor of the rolling impulses [m], shape (n_blocks,).
 
     Returns:
         The projected impulses, shape (n_blocks, width).
     """
-    parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [fixed]
+    parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [fixed_bound]
     if layout.rolling:
         parts.append(lanes[:, 1 + layout.sliding :])
         coefficients.append(layout.rolling_coefficient / length)

@@ -69,21 +69,21 @@ class Residual:
 
     def __init__(self, problem: ContactProblem) -> None:
         laws = problem.laws
-        self._numbers = np.empty((5, laws.n_laws))
-        self.alpha, self.lengths, self.speeds, self.ratios, self._squares = self._numbers
+        self._law_values = np.empty((5, laws.n_laws))
+        self.alpha, self.lengths, self.speeds, self.ratios, self._squares = self._law_values
         self._diagonal = problem.delassus_diagonal
         self._contacts, self._layout = components(problem), problem.layout
         law_arrays = laws.sets, laws.row_count, laws.is_rolling, laws.first_row, laws.partner
         contact_arrays = self._contacts, self._layout.slot, self._layout.width
         self.stuck_law, scale = write_scales_and_ratios(
-            *law_arrays, self._diagonal, problem.free_velocity, *contact_arrays, self._numbers
+            *law_arrays, self._diagonal, problem.free_velocity, *contact_arrays, self._law_values
         )
         self.scale = float(scale)
         self.infeasible = self.stuck_law >= 0
         self.unit = _unit(self.scale)
         self._scale = self.unit * self.scale
-        fixed = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound
-        self._rows, self._bounds = (laws.sets, laws.row_count, laws.first_row), (laws.friction_coefficient, fixed)
+        fixed_bound = laws.fixed_bound if self.unit == 1.0 else self.unit * laws.fixed_bound
+        self._rows, self._bounds = (laws.sets, laws.row_count, laws.first_row), (laws.friction_coefficient, fixed_bound)
         self._partner = laws.partner
 
     @cached_property
@@ -132,7 +132,7 @@ class Residual:
             return np.inf
         if self.unit != 1.0:
             impulses, velocity = self.unit * impulses, self.unit * velocity
-        arguments = *self._rows, *self._bounds, self._partner, self._numbers, impulses, velocity
+        arguments = *self._rows, *self._bounds, self._partner, self._law_values, impulses, velocity
         return ratio(write_squared_violations(*arguments), self._scale)
 
     def of_laws(self, impulses: FloatArray, velocity: FloatArray, weight: float = 1.0) -> FloatArray:
@@ -143,10 +143,10 @@ class Residual:
             velocity: ξ, shape (n_rows,).
             weight: factor of all friction bounds.
         """
-        mu, fixed = self._bounds
+        mu, fixed_bound = self._bounds
         if weight != 1.0:
-            mu, fixed = weight * mu, weight * fixed
-        write_squared_violations(*self._rows, mu, fixed, self._partner, self._numbers, impulses, velocity)
+            mu, fixed_bound = weight * mu, weight * fixed_bound
+        write_squared_violations(*self._rows, mu, fixed_bound, self._partner, self._law_values, impulses, velocity)
         return np.sqrt(self._squares)
 
 
@@ -163,8 +163,8 @@ class ModelResidual(Residual):
         if self.infeasible:
             return np.inf
         impulses, velocity = self.unit * impulses, self.unit * velocity
-        relative = self.ratios * violations(self._problem, self, impulses, velocity, self._model)
-        return ratio(relative.max(initial=0.0), self.unit * self.scale)
+        relative_violations = self.ratios * violations(self._problem, self, impulses, velocity, self._model)
+        return ratio(relative_violations.max(initial=0.0), self.unit * self.scale)
 
 
 class EngineResidual(Residual):
@@ -217,14 +217,14 @@ def find_largest_diagonal_term(row_count, first_row, ratios, lengths, diagonal, 
 @interpretable
 @njit(cache=True, error_model="numpy")
 def write_squared_violations(  # type: ignore[no-untyped-def]
-    sets, row_count, first_row, mu, fixed, partner, numbers, impulses, velocity
+    sets, row_count, first_row, mu, fixed_bound, partner, law_values, impulses, velocity
 ):
     """Write (ℓ α ‖Λ − prox_C(Λ − ξ/α)‖)² [m²/s²] of every law; return the largest root times ratio [m/s], or NaN.
 
     Because α prox_C(x) = prox_{αC}(αx), it is evaluated as ‖αΛ − prox_{αC}(αΛ − ξ)‖, which needs no division and holds
     for α = 0: the violation of a unilateral law is then (−ξ)₊, and that of a friction law 0.
     """
-    alpha, lengths, _, ratios, squares = numbers
+    alpha, lengths, _, ratios, squares = law_values
     largest, one = 0.0, uint64(1)
     for law in range(uint64(len(sets))):
         row, a = uint64(first_row[law]), alpha[law]
@@ -233,7 +233,7 @@ def write_squared_violations(  # type: ignore[no-untyped-def]
             violation = held if held < velocity[row] or held != held else velocity[row]
             square = violation * violation
         elif sets[law] == BALL:
-            bound = fixed[law]
+            bound = fixed_bound[law]
             if partner[law] >= 0:
                 bound += mu[law] * max(impulses[uint64(first_row[uint64(partner[law])])], 0.0)
             bound *= a

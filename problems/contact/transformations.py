@@ -86,11 +86,11 @@ def duplicated(problem: ContactProblem, contact: int) -> TransformedProblem:
     if not layout.bounds_are_own:
         raise ProblemError(f"{problem.name!r} has friction bounded by another contact, so none can be duplicated.")
     laws = _laws_of_contacts(problem)[contact]
-    fixed = old.fixed_bound.copy()
-    fixed[laws] *= 0.5
+    fixed_bound = old.fixed_bound.copy()
+    fixed_bound[laws] *= 0.5
     partner = np.where(old.partner[laws] >= 0, old.n_laws, -1)  # the copy of the contact's normal law is the first
     both, partners = np.append(np.arange(old.n_laws), laws), np.append(old.partner, partner)
-    new_laws = replace(old, fixed_bound=fixed).subset(both, partners)
+    new_laws = replace(old, fixed_bound=fixed_bound).subset(both, partners)
     rows = np.append(np.arange(problem.n_rows), _rows_of_laws(old, laws))
     return _congruent(problem, _selection(problem, rows), new_laws, "duplicated")
 
@@ -142,11 +142,11 @@ def _in_units_with_rolling(problem: ContactProblem, mass: float, length: float, 
     is_rolling_row = np.repeat(laws.is_rolling, laws.row_count)
     scale = np.where(is_rolling_row, length, 1.0)
     law_scale = np.where(laws.is_rolling, 1.0 / length, 1.0)
-    coefficient, fixed = law_scale * laws.friction_coefficient, law_scale * laws.fixed_bound
+    coefficient, fixed_bound = law_scale * laws.friction_coefficient, law_scale * laws.fixed_bound
     scaled = _congruent(
         problem,
         sp.csr_array(sp.diags_array(scale)),
-        replace(laws, friction_coefficient=coefficient, fixed_bound=fixed),
+        replace(laws, friction_coefficient=coefficient, fixed_bound=fixed_bound),
         "in other units",
     )
     answer, new_answer = problem.answer, scaled.problem.answer

@@ -55,9 +55,9 @@ def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampli
     for name, family in families.items():
         members.setdefault(family, []).append(name)
     chosen: set[str] = set()
-    sizes = {family: len(names) for family, names in members.items()}
+    family_sizes = {family: len(names) for family, names in members.items()}
     compute_shares = _proportional_shares if sampling == "proportional" else _even_shares
-    for family, share in compute_shares(sizes, min(count, len(families))).items():
+    for family, share in compute_shares(family_sizes, min(count, len(families))).items():
         chosen |= set(sorted(members[family], key=lambda name: _sort_key(name, seed))[:share])
     return [name for name in families if name in chosen]
 
@@ -70,21 +70,21 @@ def _grouped_families() -> Mapping[str, str]:
     return hard | bodies | steps
 
 
-def _proportional_shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
+def _proportional_shares(family_sizes: Mapping[str, int], count: int) -> dict[str, int]:
     """Return the number for each family by the largest-remainder method; ties go to the earlier family."""
-    total = sum(sizes.values())
-    shares = {family: count * size // total for family, size in sizes.items()}
-    by_remainder = sorted(sizes, key=lambda family: -(count * sizes[family] % total))
+    total = sum(family_sizes.values())
+    shares = {family: count * size // total for family, size in family_sizes.items()}
+    by_remainder = sorted(family_sizes, key=lambda family: -(count * family_sizes[family] % total))
     for family in by_remainder[: count - sum(shares.values())]:
         shares[family] += 1
     return shares
 
 
-def _even_shares(sizes: Mapping[str, int], count: int) -> dict[str, int]:
+def _even_shares(family_sizes: Mapping[str, int], count: int) -> dict[str, int]:
     """Return the number for each family, as equal as the sizes allow."""
-    shares = dict.fromkeys(sizes, 0)
+    shares = dict.fromkeys(family_sizes, 0)
     while count:
-        for family in [family for family, size in sizes.items() if shares[family] < size][:count]:
+        for family in [family for family, size in family_sizes.items() if shares[family] < size][:count]:
             shares[family] += 1
             count -= 1
     return shares

@@ -92,22 +92,22 @@ def list_folder(folder: Path | str) -> FolderSuite:
     }
     groups = description.groups or {}
     for pattern in chain(description.order, description.exclude, *groups.values()):
-        if not any(fnmatchcase(relative, pattern) for relative in files):
+        if not any(fnmatchcase(relative_path, pattern) for relative_path in files):
             raise ProblemError(f"{folder / DESCRIPTION}: the pattern {pattern!r} matches no problem file; correct it.")
-    included = [relative for relative in files if not _matches(relative, description.exclude)]
+    included = [relative_path for relative_path in files if not _matches(relative_path, description.exclude)]
     if not included:
         raise ProblemError(f"there is no problem in {folder}; problem files end in .npz, .json, .hdf5 or .h5.")
-    included.sort(key=lambda relative: (_first_match(relative, description.order), relative))
+    included.sort(key=lambda relative_path: (_first_match(relative_path, description.order), relative_path))
     names = _names(included)
     members, broken, path_of_name = [], [], dict[str, str]()
-    for relative in included:
-        name = names[relative]
+    for relative_path in included:
+        name = names[relative_path]
         if name in path_of_name:
-            reason = f"{files[relative]} has the name of {files[path_of_name[name]]}; rename or exclude it."
-            broken.append((files[relative], reason))
+            reason = f"{files[relative_path]} has the name of {files[path_of_name[name]]}; rename or exclude it."
+            broken.append((files[relative_path], reason))
             continue
-        path_of_name[name] = relative
-        members.append(Member(name, files[relative], _family(relative, groups)))
+        path_of_name[name] = relative_path
+        members.append(Member(name, files[relative_path], _family(relative_path, groups)))
     return FolderSuite(description.name, tuple(members), tuple(broken))
 
 
@@ -161,21 +161,21 @@ def _names(paths: Sequence[str]) -> dict[str, str]:
     }
 
 
-def _family(relative: str, groups: Mapping[str, Sequence[str]]) -> str:
+def _family(relative_path: str, groups: Mapping[str, Sequence[str]]) -> str:
     for family, patterns in groups.items():
-        if _matches(relative, patterns):
+        if _matches(relative_path, patterns):
             return family
-    path = Path(relative)
+    path = Path(relative_path)
     return path.parent.as_posix() if len(path.parts) > 1 else family_of(path.stem)
 
 
-def _matches(relative: str, patterns: Sequence[str]) -> bool:
-    return any(fnmatchcase(relative, pattern) for pattern in patterns)
+def _matches(relative_path: str, patterns: Sequence[str]) -> bool:
+    return any(fnmatchcase(relative_path, pattern) for pattern in patterns)
 
 
-def _first_match(relative: str, patterns: Sequence[str]) -> int:
+def _first_match(relative_path: str, patterns: Sequence[str]) -> int:
     """Return the index of the first pattern that matches, or the number of patterns if none does."""
-    return next((index for index, pattern in enumerate(patterns) if fnmatchcase(relative, pattern)), len(patterns))
+    return next((index for index, pattern in enumerate(patterns) if fnmatchcase(relative_path, pattern)), len(patterns))
 
 
 def _is_hidden(path: Path) -> bool:

@@ -43,14 +43,14 @@ def rod(c: tuple[float, float], friction: float, states: tuple[str, ...], mass: 
     The states are "open", Λ = 0; "slip+" and "slip-", with Λ_T = ±μΛ_N and ξ_N = 0; and "stick", with ξ = 0 and
     Λ = −G⁻¹c. Impulses are proportional to ``mass``. The sensitivity grows as the compliance of sliding decreases.
     """
-    free = np.array(c)
+    free_velocity = np.array(c)
     compliance = min(abs(ROD[0, 0] + sign * friction * ROD[0, 1]) for sign in (1.0, -1.0)) / ROD[0, 0]
-    unscaled = tuple(_impulses_in_state(state, free, friction) for state in states)
-    velocity = ROD @ unscaled[0] + free if len(unscaled) == 1 else None
+    unscaled = tuple(_impulses_in_state(state, free_velocity, friction) for state in states)
+    velocity = ROD @ unscaled[0] + free_velocity if len(unscaled) == 1 else None
     sensitivity = 100.0 / compliance if "slip+" in states else 100.0 * (1.0 + friction) / max(compliance, 0.1)
     impulses = tuple(mass * known for known in unscaled)
     answer = Answer(impulses=impulses, velocity=velocity, sensitivity=sensitivity)
-    return ContactProblem.from_delassus(ROD / mass, free, friction, dim=2, answer=answer)
+    return ContactProblem.from_delassus(ROD / mass, free_velocity, friction, dim=2, answer=answer)
 
 
 def pressing_rod(friction: float, mass: float = 1.0) -> ContactProblem:

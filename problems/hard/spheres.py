@@ -48,7 +48,7 @@ def incline(friction: float, excess: float, compliance: float = 1.0) -> ContactP
     The critical angle θ satisfies tan θ = μ · compliance. Below it, a block stays and a sphere rolls. Above it, both
     slide, a block with the acceleration g (sin θ − μ cos θ).
     """
-    return _on_inclines(np.array([friction]), np.array([excess]), compliance)
+    return _spheres_on_inclines(np.array([friction]), np.array([excess]), compliance)
 
 
 def oblique_impacts(n: int, restitution: float, friction: float) -> ContactProblem:
@@ -75,10 +75,10 @@ def inclines(n: int, compliance: float = 1.0) -> ContactProblem:
 
     The inclines are 1e-9 rad below, at and above their critical angle in turn; see ``incline``.
     """
-    return _on_inclines(np.geomspace(0.05, 10.0, n), np.resize([-1e-9, 0.0, 1e-9], n), compliance)
+    return _spheres_on_inclines(np.geomspace(0.05, 10.0, n), np.resize([-1e-9, 0.0, 1e-9], n), compliance)
 
 
-def _on_inclines(friction: FloatArray, excess: FloatArray, compliance: float) -> ContactProblem:
+def _spheres_on_inclines(friction: FloatArray, excess: FloatArray, compliance: float) -> ContactProblem:
     slope = np.arctan(friction * compliance) + excess
     c = WEIGHT * np.column_stack([-np.cos(slope), np.sin(slope), np.zeros(len(slope))])
     return separate_contacts(c, friction, compliance)
@@ -113,12 +113,12 @@ def spheres_with_rolling_friction(
     whole[4, 1], whole[3, 2] = -RADIUS, RADIUS
     whole[[3, 4, 5], [3, 4, 5]] = 1.0
     kept = {1: [0, 1, 2, 4], 2: [0, 1, 2, 3, 4], 3: [0, 1, 2, 3, 4, 5]}[axes]
-    free = np.zeros((n, 6))
-    free[:, :2], free[:, 2] = motion[:, 1:2] * along, -normal
-    free[:, 3], free[:, 4] = -motion[:, 2] * along[:, 1], motion[:, 2] * along[:, 0]
+    free_motion = np.zeros((n, 6))
+    free_motion[:, :2], free_motion[:, 2] = motion[:, 1:2] * along, -normal
+    free_motion[:, 3], free_motion[:, 4] = -motion[:, 2] * along[:, 1], motion[:, 2] * along[:, 0]
     directions = sp.csc_array(sp.block_diag([whole[:, kept]] * n))
     inverse_mass = np.tile([1.0, 1.0, 1.0, *[1.0 / inertia] * 3], n)
-    known, motion = impulses[:, kept].ravel(), free.ravel()
+    known, motion = impulses[:, kept].ravel(), free_motion.ravel()
     velocity = directions.T @ (inverse_mass * (directions @ known)) + directions.T @ motion
     answer = Answer(impulses=(known,), velocity=velocity)
     laws = Laws.contacts(friction, 3, n).with_rolling(rolling_friction, axes)

@@ -52,18 +52,18 @@ def arch(n: int, friction: float) -> ContactProblem:
         turn = np.array([0.0, 0.0, -1.0])
         directions[k + 1, :, k, 0], directions[k, :, k, 0] = normal, -normal
         directions[k + 1, :, k, 1], directions[k, :, k, 1] = tangent + turn, -tangent + turn
-    free = directions[1:-1].reshape(3 * n, 2 * (n + 1))
+    disc_directions = directions[1:-1].reshape(3 * n, 2 * (n + 1))
     motion, inverse_mass = np.tile([0.0, -WEIGHT, 0.0], n), np.tile(DISC, n)
     if friction == 0.0:
         answer = Answer(impulses=(normal_impulses,), velocity=np.zeros(n + 1), sensitivity=100.0 * n * n)
-        return body_problem(free[:, 0::2], inverse_mass, motion, dim=1, answer=answer)
+        return body_problem(disc_directions[:, 0::2], inverse_mass, motion, dim=1, answer=answer)
     answer = Answer(
         velocity=np.zeros(2 * (n + 1)),
-        functionals=free,
+        functionals=disc_directions,
         values=-motion / inverse_mass,
         sensitivity=100.0 * n * n * (1.0 + friction),
     )
-    return body_problem(free, inverse_mass, motion, friction, dim=2, answer=answer)
+    return body_problem(disc_directions, inverse_mass, motion, friction, dim=2, answer=answer)
 
 
 def chimney(friction: float) -> ContactProblem:

@@ -287,8 +287,8 @@ class _ScaledProblem:
     def _cones(self) -> tuple[Any, FloatArray, list[Any]]:
         """Return A, b and cones with b − A y in the cones iff Λ ∈ K; each friction law has a second-order cone."""
         laws, unit = self.problem.laws, self._law_unit
-        coefficient, fixed = laws.friction_coefficient * unit[laws.partner] / unit, laws.fixed_bound / unit
-        is_friction, has_bound = laws.sets == BALL, (coefficient > 0.0) | (fixed > 0.0)
+        coefficient, fixed_bound = laws.friction_coefficient * unit[laws.partner] / unit, laws.fixed_bound / unit
+        is_friction, has_bound = laws.sets == BALL, (coefficient > 0.0) | (fixed_bound > 0.0)
         normals, frozen = np.flatnonzero(laws.is_unilateral), np.flatnonzero(is_friction & ~has_bound)
         balls = np.flatnonzero(is_friction & has_bound)
         normal_rows, zero_rows, ball_rows = (_rows_of(laws, indices) for indices in (normals, frozen, balls))
@@ -300,7 +300,7 @@ class _ScaledProblem:
         columns = np.concatenate([normal_rows, zero_rows, ball_rows, laws.first_row[laws.partner[balls]]])
         values = np.concatenate([np.full(n_plain + len(members), -1.0), -coefficient[balls]])
         offsets = np.zeros(n_constraints)
-        offsets[tops] = fixed[balls]
+        offsets[tops] = fixed_bound[balls]
         cones = [clarabel.NonnegativeConeT(len(normal_rows))] if len(normal_rows) else []
         cones += [clarabel.ZeroConeT(len(zero_rows))] if len(zero_rows) else []
         cones += [clarabel.SecondOrderConeT(length) for length in lengths.tolist()]

@@ -112,9 +112,9 @@ def mechanism_text(problem: ContactProblem, velocity: FloatArray) -> str:
     """Return a description of the motion with the velocity u, such as ``"hinges at fixed-0, 2-3, 4-5, fixed-6"``."""
     pairs = pair_motions(problem, velocity)
     parts = [f"{motion} at {_listed(names)}" for motion in Motion if (names := _names(pairs, motion))]
-    free = free_bodies(problem, velocity)
-    if free:
-        parts.append(f"without contacts: {_listed([*map(str, free)])}")
+    bodies_without_contacts = free_bodies(problem, velocity)
+    if bodies_without_contacts:
+        parts.append(f"without contacts: {_listed([*map(str, bodies_without_contacts)])}")
     if parts:
         return "; ".join(parts)
     if not problem.n_contacts:

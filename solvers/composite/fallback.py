@@ -70,7 +70,7 @@ class Fallback(Method):
     def __init__(self, *parts: Solver, warm_iterations: int = WARM_ITERATIONS, iterations: int = ITERATIONS) -> None:
         if not parts:
             raise SolverError("Fallback has no parts; name one or more solvers: Fallback(SORprox, NSGS).")
-        other = next((part for part in parts if part.model != parts[0].model), None)
+        other = next((solver for solver in parts if solver.model != parts[0].model), None)
         if other is not None:
             raise SolverError(
                 f"the parts of a Fallback must solve the same model; {parts[0].name} solves {parts[0].model}, "
@@ -86,7 +86,7 @@ class Fallback(Method):
         """Class name with the names of the parts and the options that differ from the defaults."""
         options = (("warm_iterations", WARM_ITERATIONS), ("iterations", ITERATIONS))
         changed = [f"{key}={getattr(self, key)}" for key, default in options if getattr(self, key) != default]
-        return f"{type(self).__name__}({', '.join([*(part.name for part in self.parts), *changed])})"
+        return f"{type(self).__name__}({', '.join([*(solver.name for solver in self.parts), *changed])})"
 
     @property
     def model(self) -> Model:
@@ -106,18 +106,18 @@ class Fallback(Method):
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why no part can solve ``problem``, or None."""
         reasons = []
-        for part in self.parts:
-            reason = part.supports(problem)
+        for solver in self.parts:
+            reason = solver.supports(problem)
             if reason is None:
                 return None
             reasons.append(reason)
         if len(reasons) == 1:
             return reasons[0]
-        return "; ".join(f"{part.name}: {reason}" for part, reason in zip(self.parts, reasons, strict=True))
+        return "; ".join(f"{solver.name}: {reason}" for solver, reason in zip(self.parts, reasons, strict=True))
 
     def prepare(self, problem: ContactProblem) -> "PreparedFallback":
         """Prepare the first part that supports the problem; other parts are prepared when they first run."""
-        parts = tuple(part for part in self.parts if part.supports(problem) is None)
+        parts = tuple(solver for solver in self.parts if solver.supports(problem) is None)
         if not parts:
             self.check_supports(problem)
         return PreparedFallback(problem, self, parts, {parts[0].name: parts[0].prepare(problem)})
@@ -157,9 +157,9 @@ class PreparedFallback:
         if start is not None and np.any(start):
             name = f"{first.name} from the start"
             yield SolverRun(name, sequence.prepare(first), start, self.fallback.warm_iterations)
-        for number, part in enumerate(self.parts, 1):
+        for number, solver in enumerate(self.parts, 1):
             limit = sequence.stop.max_iterations if number == len(self.parts) else self.fallback.iterations
-            yield SolverRun(f"{part.name} from zero", sequence.prepare(part), None, limit)
+            yield SolverRun(f"{solver.name} from zero", sequence.prepare(solver), None, limit)
 
 
 @dataclass(frozen=True, init=False)

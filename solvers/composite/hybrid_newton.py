@@ -96,10 +96,10 @@ class PreparedHybrid:
         while True:
             impulses, residual, outcome = check_convergence(self.problem, self.residual, driver)
             if self._is_stuck(outcome, monitor) and restarts.are_due:
-                before = monitor.best_residual
+                previous_residual = monitor.best_residual
                 final = restarts.run()
                 driver.iterates = iterates
-                if final is None and monitor.best_residual <= SUCCESS * before:
+                if final is None and monitor.best_residual <= SUCCESS * previous_residual:
                     iterates.move_to(restarts.best)
                     rate = ConvergenceRate()
                     continue

@@ -40,7 +40,7 @@ from ..newton.proximal_point import ProximalPoint
 from ..newton.semismooth_newton import SemismoothNewton
 from .hybrid_newton import HybridNewton
 from .sequence import SolverRun, SolverSequence
-from .sweep_selection import FACTORS_DENSITY, density, refining_sweeps
+from .sweep_selection import FACTORS_READ_RATIO, compute_read_ratio, refining_sweeps
 from .work import MAX_STEPS, program_seconds, step_seconds
 
 MAX_FIRST_STEPS, MAX_SWEEPS, MAX_PROXIMAL_STEPS, MAX_NEWTON_STEPS = 80, 500, 40, 500
@@ -128,7 +128,7 @@ def cone_programs(problem: ContactProblem, operations: float) -> Solver | None:
     from ..conic.fixed_point import FastFixedPoint
 
     forms: list[Literal["delassus", "factors"]] = ["delassus"]
-    if problem.factors is not None and density(problem) > FACTORS_DENSITY:
+    if problem.factors is not None and compute_read_ratio(problem) > FACTORS_READ_RATIO:
         forms.insert(0, "factors")
     methods = (FastFixedPoint(ClarabelCoulomb(form)) for form in forms)
     return next((method for method in methods if method.supports(problem) is None), None)
@@ -151,9 +151,9 @@ def _n_pairs(pieces: Pieces) -> int:
     """Return the number of different sets of bodies that contacts touch, each identified by its first and last body."""
     block = np.repeat(np.arange(pieces.n_blocks), np.diff(pieces.starts))
     first, last = np.full(pieces.n_blocks, pieces.n_chunks), np.full(pieces.n_blocks, -1)
-    is_body = pieces.chunks < pieces.n_chunks
-    np.minimum.at(first, block[is_body], pieces.chunks[is_body])
-    np.maximum.at(last, block[is_body], pieces.chunks[is_body])
+    is_body_piece = pieces.chunks < pieces.n_chunks
+    np.minimum.at(first, block[is_body_piece], pieces.chunks[is_body_piece])
+    np.maximum.at(last, block[is_body_piece], pieces.chunks[is_body_piece])
     return len(np.unique(first * (pieces.n_chunks + 1) + last))
 
 

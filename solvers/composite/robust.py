@@ -106,8 +106,8 @@ class PreparedRobust:
                     return result.solution
                 if length == lengths[0]:
                     limits.enter_context(one_library_thread())
-                is_last = result.has_ended or length == lengths[-1]
-                begin = accelerated_sweeps(sequence) if is_last else None
+                is_last_window = result.has_ended or length == lengths[-1]
+                begin = accelerated_sweeps(sequence) if is_last_window else None
                 if begin is not None:
                     driver = IterationDriver(begin(result.best.copy()), begin, monitor, observe, sequence.iterations)
                     full_length = window.length if length == lengths[-1] else lengths[-1]
@@ -116,7 +116,7 @@ class PreparedRobust:
                 solution = result.solution or run_newton_steps(sequence, equations, driver, result)
                 if solution is not None:
                     return solution
-                if is_last:
+                if is_last_window:
                     break
             return run_sequence(sequence, None)
 

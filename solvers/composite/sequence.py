@@ -128,7 +128,7 @@ class SolverSequence:
 
     def _run_observer(self) -> Observer | None:
         """Return an observer of one run that continues the iteration numbers of the previous runs."""
-        observe, before = self.observe, self.iterations
+        observe, iterations_before = self.observe, self.iterations
         if observe is None:
             return None
-        return lambda iteration, impulses: self.clock.show(observe, before + iteration, impulses)
+        return lambda iteration, impulses: self.clock.show(observe, iterations_before + iteration, impulses)

@@ -1,4 +1,4 @@
-"""Selection of the fastest sweeps for a problem, by its size and the coupling of its contacts alone.
+"""Selection of the fastest sweeps for a problem, based only on its size and on the coupling of its contacts.
 
 NSGS solves uncoupled contacts in one sweep. With many contacts, momentum halves the number of sweeps. A sweep over the
 assembled matrix reads a block for each pair of contacts on a body; a sweep over the factors reads one for each contact.
@@ -35,14 +35,15 @@ RELAXATION = 1.5
 FAST_RELAXATION, FAST_MOMENTUM = 1.1, MEASURED
 """Relaxation and momentum for many spatial contacts; the momentum follows the measured rate of convergence."""
 
-UNCOUPLED = 0.0
-"""Density of a problem in which no two contacts share a body."""
+UNCOUPLED_READ_RATIO = 0.0
+"""Read ratio of a problem in which no two contacts share a body."""
 
-FACTORS_DENSITY, MAX_MOMENTUM_DENSITY = 1.5, 10.0
-"""Densities (see ``density``) above which sweeps use the factors, and above which they have no momentum."""
+FACTORS_READ_RATIO, MAX_MOMENTUM_READ_RATIO = 1.5, 10.0
+"""Ratios (see ``compute_read_ratio``) above which sweeps use the factors, and above which they have no momentum."""
 
-MAX_SMALL_SIZE, FACTORS_DENSITY_ON_FEW_ROWS = 150, 6.0
-"""Number of rows of the largest small problem; on small problems, the second value replaces ``FACTORS_DENSITY``."""
+MAX_SMALL_ROWS, FACTORS_READ_RATIO_ON_FEW_ROWS = 150, 6.0
+"""Largest number of rows of a problem that counts as small; for small problems, the second value replaces
+``FACTORS_READ_RATIO``."""
 
 ROWS_PER_CHECK = 100
 """Number of rows that sweeps visit in the time of one residual check, which is mainly call overhead on few rows."""
@@ -53,21 +54,21 @@ UNCOUPLED_SWEEPS, SAFEGUARDED_SWEEPS = NSGS(), SafeguardedSORprox(RELAXATION)
 
 def select_sweeps(problem: ContactProblem) -> Sweeps:
     """Return the sweeps that are expected to be fastest on ``problem``."""
-    ratio = density(problem)
-    if ratio == UNCOUPLED:
+    read_ratio = compute_read_ratio(problem)
+    if read_ratio == UNCOUPLED_READ_RATIO:
         return UNCOUPLED_SWEEPS
     is_spatial = problem.layout.sliding == 2
-    is_many = is_spatial and problem.n_contacts >= MIN_MOMENTUM_CONTACTS and ratio <= MAX_MOMENTUM_DENSITY
-    relaxation = FAST_RELAXATION if is_many else RELAXATION
-    momentum: Momentum = FAST_MOMENTUM if is_many else 0.0
-    if ratio > (FACTORS_DENSITY_ON_FEW_ROWS if problem.n_rows <= MAX_SMALL_SIZE else FACTORS_DENSITY):
+    uses_momentum = is_spatial and problem.n_contacts >= MIN_MOMENTUM_CONTACTS and read_ratio <= MAX_MOMENTUM_READ_RATIO
+    relaxation = FAST_RELAXATION if uses_momentum else RELAXATION
+    momentum: Momentum = FAST_MOMENTUM if uses_momentum else 0.0
+    if read_ratio > (FACTORS_READ_RATIO_ON_FEW_ROWS if problem.n_rows <= MAX_SMALL_ROWS else FACTORS_READ_RATIO):
         return SORprox(relaxation=relaxation, momentum=momentum, form="factors")
-    return SORprox(relaxation=relaxation, momentum=momentum) if is_many else SAFEGUARDED_SWEEPS
+    return SORprox(relaxation=relaxation, momentum=momentum) if uses_momentum else SAFEGUARDED_SWEEPS
 
 
 def can_accelerate(problem: ContactProblem) -> bool:
-    """Whether contacts are coupled, and G is not many times as large as its factors."""
-    return UNCOUPLED < density(problem) <= MAX_MOMENTUM_DENSITY
+    """Whether contacts are coupled, and the read ratio is at most ``MAX_MOMENTUM_READ_RATIO``."""
+    return UNCOUPLED_READ_RATIO < compute_read_ratio(problem) <= MAX_MOMENTUM_READ_RATIO
 
 
 def refining_sweeps(problem: ContactProblem) -> Sweeps | NesterovSORprox:
@@ -83,24 +84,28 @@ def sweeps_between_checks(problem: ContactProblem, sweeps: Sweeps) -> int:
     return 1 if sweeps is UNCOUPLED_SWEEPS else max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // problem.n_rows))
 
 
-def density(problem: ContactProblem) -> float:
+def compute_read_ratio(problem: ContactProblem) -> float:
     """Return how many numbers a sweep reads from the assembled matrix, relative to those it reads from the factors.
 
-    The ratio is ``UNCOUPLED`` if no two contacts share a body or an entry of the matrix. If the problem holds only a
-    matrix that couples contacts, it is 1.
+    The ratio is ``UNCOUPLED_READ_RATIO`` if no two contacts share a body or are coupled by an entry of the matrix. It
+    is 1 if the problem holds only a matrix that couples contacts.
     """
     if problem.n_contacts <= 1:
-        return UNCOUPLED
+        return UNCOUPLED_READ_RATIO
     if problem.matrix is not None:
         matrix = problem.matrix
         return (
             1.0
             if couples_contacts(matrix.indptr, matrix.indices, matrix.data, problem.layout.contact_of_row)
-            else UNCOUPLED
+            else UNCOUPLED_READ_RATIO
         )
     pieces = problem.factor_pieces()
     max_shared, pairs = count_shared_chunks(pieces.chunks, pieces.n_chunks)
-    return UNCOUPLED if max_shared <= 1 else pieces.width * pairs / max(2.0 * len(pieces.chunks) * pieces.length, 1.0)
+    return (
+        UNCOUPLED_READ_RATIO
+        if max_shared <= 1
+        else pieces.width * pairs / max(2.0 * len(pieces.chunks) * pieces.length, 1.0)
+    )
 
 
 @interpretable
@@ -117,7 +122,7 @@ def couples_contacts(starts: NDArray[Any], columns: NDArray[Any], values: FloatA
 @interpretable
 @njit(cache=True, error_model="numpy")
 def count_shared_chunks(chunks: IntArray, n_chunks: int) -> tuple[int, float]:
-    """Return the largest number of pieces of one chunk, and the number of ordered pairs of pieces of the same chunk."""
+    """Return the largest number of contacts on one body (chunk), and the number of ordered pairs on a common body."""
     counts = np.zeros(n_chunks + 1)
     for chunk in chunks:
         counts[chunk] += 1.0

@@ -53,8 +53,8 @@ class Window:
 def window_lengths(problem: ContactProblem) -> list[int]:
     """Return the lengths of successive windows; Newton steps are tried after slow sweeps of each length."""
     full_length = WINDOW + WINDOW_PER_CONTACT * problem.n_contacts
-    is_short = problem.n_rows <= MAX_DENSE_ROWS or problem.laws.is_bilateral.any()
-    return [SHORT_WINDOW, full_length] if is_short else [full_length]
+    begins_short = problem.n_rows <= MAX_DENSE_ROWS or problem.laws.is_bilateral.any()
+    return [SHORT_WINDOW, full_length] if begins_short else [full_length]
 
 
 def longest_window(sequence: SolverSequence) -> int:

@@ -88,10 +88,10 @@ class PreparedConvex:
         if best_residual <= stop.tolerance:
             return Solution(best, Status.SOLVED, 0)
         accuracies = _Accuracies(stop.tolerance)
-        for accuracy, is_careful in accuracies:
+        for accuracy, refines_more in accuracies:
             iterations_left = stop.max_iterations - iterations
             velocity, seconds_left = self.problem.free_velocity, stop.max_seconds - seconds
-            result = self.program.run(velocity, accuracy, iterations_left, seconds_left, is_careful)
+            result = self.program.run(velocity, accuracy, iterations_left, seconds_left, refines_more)
             seconds += result.seconds
             iterations += result.iterations
             if np.isfinite(result.impulses).all():
@@ -112,7 +112,7 @@ class PreparedConvex:
 
 
 class _Accuracies:
-    """Tolerances to try: decreasing until the conic solver fails, then the others, then all with careful runs."""
+    """Tolerances to try: decreasing until the conic solver fails, then the others, then all with more refinement."""
 
     def __init__(self, tolerance: float) -> None:
         tight_steps = [step for step, accuracy in enumerate(LADDER) if accuracy <= FIRST_ACCURACY * tolerance]

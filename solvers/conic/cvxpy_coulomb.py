@@ -165,16 +165,16 @@ class CvxpyProgram:
         self._linear.value = np.zeros(problem.n_rows)
         self._program.get_problem_data(solver)  # compiles the program and caches the result
 
-    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+    def run(self, velocity: FloatArray, accuracy: float, max_iterations: int, max_seconds: float) -> ConicResult:
         """Solve with another linear term; see ``ConicProgram.run``."""
         cp = cvxpy()
         self._linear.value = velocity * (self._scaling.impulse / self._scaling.energy)
         names = _OPTION_NAMES.get(self._solver, _OptionNames())
         options: dict[str, float] = dict.fromkeys(names.tolerances, accuracy)
         if names.iteration_limit:
-            options[names.iteration_limit] = max(1, min(MAX_SOLVER_ITERATIONS, iterations))
+            options[names.iteration_limit] = max(1, min(MAX_SOLVER_ITERATIONS, max_iterations))
         if names.time_limit:
-            options[names.time_limit] = max(seconds, 1e-3)
+            options[names.time_limit] = max(max_seconds, 1e-3)
         start_time = time.perf_counter()
         try:
             with warnings.catch_warnings():

@@ -290,9 +290,9 @@ class _Outer:
             self.best, self.lowest = impulses, residual
         self.clock.show(self.observe, self.iteration, impulses)
 
-    def _repeats(self, newest: FloatArray, previous: FloatArray) -> bool:
+    def _repeats(self, newest_impulses: FloatArray, previous_impulses: FloatArray) -> bool:
         """Whether cone programs repeat their impulses, or rounding explains the best residual."""
-        repeats = np.abs(newest - previous) <= ROUNDING * np.abs(newest)
+        repeats = np.abs(newest_impulses - previous_impulses) <= ROUNDING * np.abs(newest_impulses)
         return bool(repeats.all()) or self.lowest <= self.prepared.residual.rounding(self.best)
 
     def _time_limit(self, result: ConicResult) -> Outcome | None:

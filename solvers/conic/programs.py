@@ -4,16 +4,16 @@
     factors     minimise ½ ‖v‖²         subject to   W̃ᵀv + c ∈ K*,     K* = {ξ_N ≥ μ ‖ξ_T‖},  G = W̃ᵀW̃,  a = 0
 
 Rolling friction adds the cone ‖Λ_R‖ ≤ a_r + μ_r Λ_N. The dual of the intersection of both cones,
-{ξ_N ≥ μ ‖ξ_T‖ + μ_r ‖ξ_R‖}, is the sum of their duals. It needs variables that the factor form does not have. A
-bilateral law has K = ℝ, and therefore ξ = 0 in the dual.
+{ξ_N ≥ μ ‖ξ_T‖ + μ_r ‖ξ_R‖}, is the sum of their duals. Representing this sum requires variables that the
+factor form does not have. A bilateral law has K = ℝ, and therefore ξ = 0 in the dual.
 
 The factor form is the dual of the Delassus form, where v is the scaled velocity that the impulses cause, and Λ are the
 multipliers. It never assembles G. Both forms accept another c without a new set-up.
 
-Units. With α_i the largest diagonal entry of contact i's block of G, e = max_i ‖c_i‖²/α_i is the energy that the free
-motion can lose. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). The largest diagonal entry of each
-block is then one, and c is of the order of one, for any masses and units. Each cone is scaled as a whole and keeps its
-form.
+Units. With α_i the largest diagonal entry of contact i's block of G, e = max_i ‖c_i‖²/α_i is an estimate of the energy
+that impulses can remove from the free motion. Energies are divided by e, and the variables are y_i = Λ_i √(α_i/e). The
+largest diagonal entry of each block is then one, and c is of the order of one, for any masses and units. Each cone is
+scaled as a whole and keeps its form.
 
 Either program may be regularised: G + diag(w) replaces G. In factor form, the rows diag(√w) are appended to W̃.
 """
@@ -37,7 +37,7 @@ MAX_ITERATIONS = 200
 """Limit of interior-point iterations of one run. Clarabel needs 10 to 30 unless it makes no progress."""
 
 MAX_REFINEMENTS = 50
-"""Largest number of refinements of one linear solve in a careful run, as long as each halves the error."""
+"""Largest number of refinements of one linear solve with ``refines_more``, as long as each halves the error."""
 
 REFINEMENT_TOLERANCE = 1e-15
 """The error at which refinements end."""
@@ -47,7 +47,7 @@ class ConicStatus(StrEnum):
     """How one run of a conic solver ended."""
 
     CONVERGED = "converged"
-    NEARLY = "nearly converged"
+    NEARLY_CONVERGED = "nearly converged"
     ITERATION_LIMIT = "reached its iteration limit"
     TIME_LIMIT = "reached its time limit"
     UNBOUNDED = "reported the energy as unbounded"
@@ -74,10 +74,10 @@ class ConicResult:
 class ConicProgram(Protocol):
     """A cone program that has been set up."""
 
-    def run(self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+    def run(self, velocity: FloatArray, accuracy: float, max_iterations: int, max_seconds: float) -> ConicResult:
         """Solve with c = ``velocity`` [m/s], shape (n_rows,), to the conic solver's tolerance ``accuracy``.
 
-        ``iterations`` and ``seconds`` [s] limit the run.
+        ``max_iterations`` and ``max_seconds`` [s] limit the run.
         """
         ...
 
@@ -104,7 +104,9 @@ def unsupported_reason(problem: ContactProblem, form: Form) -> str | None:
 
 
 def largest_curvatures(problem: ContactProblem) -> FloatArray:
-    """Return α [1/kg], shape (n_blocks,): the largest diagonal entry of G of each block or, if zero, of all blocks.
+    """Return α [1/kg], shape (n_blocks,): the largest diagonal entry of each block of G.
+
+    If it is zero, α is the largest one of all blocks, or 1 if all are zero.
 
     Rolling rows are scaled by the lengths ℓ of their laws (``residual``), here and in ``Scaling``.
     """
@@ -148,20 +150,20 @@ class ClarabelProgram:
 
     def __init__(self, problem: ContactProblem, form: Form, weight: FloatArray | None = None) -> None:
         self._problem, self._form, self._scaling = problem, form, Scaling(problem)
-        set_up = _over_velocities if form == "factors" else _over_impulses
-        self._solver, self._rows, self._factor = set_up(problem, self._scaling, weight)
+        make_solver = _factor_solver if form == "factors" else _delassus_solver
+        self._solver, self._rows, self._cone_scale = make_solver(problem, self._scaling, weight)
 
     def run(
-        self, velocity: FloatArray, accuracy: float, iterations: int, seconds: float, is_careful: bool = False
+        self, velocity: FloatArray, accuracy: float, max_iterations: int, max_seconds: float, refines_more: bool = False
     ) -> ConicResult:
-        """See ``ConicProgram``; a careful run has more accurate linear algebra."""
+        """See ``ConicProgram``; with ``refines_more``, linear systems are solved with more iterative refinement."""
         rows, is_dual = self._rows, self._form == "factors"
-        linear = self._factor * (velocity * (self._scaling.impulse / self._scaling.energy))[rows]
-        settings = _settings(accuracy, iterations, seconds, is_careful)
+        linear = self._cone_scale * (velocity * (self._scaling.impulse / self._scaling.energy))[rows]
+        settings = _make_settings(accuracy, max_iterations, max_seconds, refines_more)
         self._solver.update(**{"b" if is_dual else "q": linear}, settings=settings)
         result = self._solver.solve()
         impulses = np.zeros(self._problem.n_rows)
-        impulses[rows] = self._scaling.impulse[rows] * self._factor * np.asarray(result.z if is_dual else result.x)
+        impulses[rows] = self._scaling.impulse[rows] * self._cone_scale * np.asarray(result.z if is_dual else result.x)
         status = _STATUSES.get(result.status, ConicStatus.GAVE_UP)
         return ConicResult(impulses, result.iterations, result.solve_time, status)
 
@@ -170,33 +172,33 @@ class ClarabelProgram:
         return ClarabelProgram(self._problem, self._form, weight)
 
 
-def _over_impulses(problem: ContactProblem, scaling: Scaling, weight: FloatArray | None) -> tuple[Any, Any, FloatArray]:
-    """Return the solver of the Delassus form, the indices of all rows, and the factor 1 for each row."""
+def _delassus_solver(
+    problem: ContactProblem, scaling: Scaling, weight: FloatArray | None
+) -> tuple[Any, Any, FloatArray]:
+    """Return the solver of the Delassus form, the indices of all rows, and the scale 1 of each row."""
     n_rows, units = problem.n_rows, sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
     delassus = problem.delassus() if weight is None else problem.delassus() + sp.diags_array(weight)
-    solver = _make_solver(units @ delassus @ units, np.zeros(n_rows), *_cones(problem, scaling))
+    solver = _make_solver(units @ delassus @ units, np.zeros(n_rows), *_impulse_cones(problem, scaling))
     return solver, np.arange(n_rows), np.ones(n_rows)
 
 
-def _over_velocities(
-    problem: ContactProblem, scaling: Scaling, weight: FloatArray | None
-) -> tuple[Any, Any, FloatArray]:
-    """Return the solver of the factor form, the rows in its cones, and a factor for each row."""
+def _factor_solver(problem: ContactProblem, scaling: Scaling, weight: FloatArray | None) -> tuple[Any, Any, FloatArray]:
+    """Return the solver of the factor form, the rows in its cones, and the scale of each row in its cone."""
     assert problem.factors is not None
-    rows, factor, cones = _dual_cones(problem, scaling)
-    scaled = problem.factors.scaled_directions
+    rows, cone_scale, cones = _dual_cones(problem, scaling)
+    scaled_directions = problem.factors.scaled_directions
     if weight is not None:
-        scaled = sp.vstack([scaled, sp.diags_array(np.sqrt(weight))], format="csc")
-    scaled = scaled @ sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
-    constraints = -sp.diags_array(factor) @ scaled.T.tocsr()[rows]
-    n_dofs = scaled.shape[0]
+        scaled_directions = sp.vstack([scaled_directions, sp.diags_array(np.sqrt(weight))], format="csc")
+    scaled_directions = scaled_directions @ sp.diags_array(scaling.impulse / np.sqrt(scaling.energy))
+    constraints = -sp.diags_array(cone_scale) @ scaled_directions.T.tocsr()[rows]
+    n_dofs = scaled_directions.shape[0]
     solver = _make_solver(sp.eye_array(n_dofs), np.zeros(n_dofs), constraints, np.zeros(len(rows)), cones)
-    return solver, rows, factor
+    return solver, rows, cone_scale
 
 
 _STATUSES = {
     clarabel.SolverStatus.Solved: ConicStatus.CONVERGED,
-    clarabel.SolverStatus.AlmostSolved: ConicStatus.NEARLY,
+    clarabel.SolverStatus.AlmostSolved: ConicStatus.NEARLY_CONVERGED,
     clarabel.SolverStatus.MaxIterations: ConicStatus.ITERATION_LIMIT,
     clarabel.SolverStatus.MaxTime: ConicStatus.TIME_LIMIT,
     # the forms are dual to each other, so either infeasibility means an unbounded energy
@@ -207,28 +209,30 @@ _STATUSES = {
 }
 
 
-def _settings(accuracy: float, iterations: int, seconds: float, is_careful: bool = False) -> Any:
+def _make_settings(accuracy: float, max_iterations: int, max_seconds: float, refines_more: bool = False) -> Any:
+    """Return Clarabel settings for one thread with these tolerances and limits."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
     settings.presolve_enable = False  # data updates require this
-    if is_careful:
+    if refines_more:
         settings.iterative_refinement_max_iter = MAX_REFINEMENTS
         settings.iterative_refinement_reltol = settings.iterative_refinement_abstol = REFINEMENT_TOLERANCE
         settings.iterative_refinement_stop_ratio = 2.0
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = accuracy
-    settings.max_iter = max(1, min(MAX_ITERATIONS, iterations))
-    settings.time_limit = max(seconds, 1e-3)
+    settings.max_iter = max(1, min(MAX_ITERATIONS, max_iterations))
+    settings.time_limit = max(max_seconds, 1e-3)
     return settings
 
 
 def _make_solver(quadratic: Any, linear: FloatArray, constraints: Any, bounds: FloatArray, cones: list[Any]) -> Any:
+    """Return a Clarabel solver of a program ½ yᵀPy + qᵀy with A y + s = b, whose q or b can be updated."""
     upper = sp.csc_matrix(sp.triu(quadratic, format="csc"))
-    settings = _settings(1e-8, MAX_ITERATIONS, 60.0)
+    settings = _make_settings(1e-8, MAX_ITERATIONS, 60.0)
     return clarabel.DefaultSolver(upper, linear, sp.csc_matrix(constraints), bounds, cones, settings)
 
 
-def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
+def _impulse_cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
     """Return A, b and the cones of A y + s = b, s ∈ cones, for impulses Λ = y times their unit.
 
     ‖Λ_T‖ ≤ μ Λ_N implies Λ_N ≥ 0, so Λ_N ≥ 0 is added only for blocks without such a cone. Friction with a bound of
@@ -257,12 +261,12 @@ def _cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, 
             add(clarabel.NonnegativeConeT(1), [(normal, -1.0)], 0.0)
         for lanes, coefficients, bounds_of_blocks in parts:
             tangents = [int(row) for row in lanes[block] if row >= 0]
-            mu, fixed = float(coefficients[block]), float(bounds_of_blocks[block])
-            if tangents and mu == 0.0 and fixed == 0.0:
+            mu, fixed_bound = float(coefficients[block]), float(bounds_of_blocks[block])
+            if tangents and mu == 0.0 and fixed_bound == 0.0:
                 for row in tangents:
                     add(clarabel.ZeroConeT(1), [(row, 1.0)], 0.0)
             elif tangents:
-                add(None, [(normal, -mu)] if mu > 0.0 else [], fixed)
+                add(None, [(normal, -mu)] if mu > 0.0 else [], fixed_bound)
                 for row in tangents:
                     add(None, [(row, -1.0)], 0.0)
                 cones.append(clarabel.SecondOrderConeT(1 + len(tangents)))
@@ -275,8 +279,8 @@ def friction_parts(problem: ContactProblem, scaling: Scaling) -> list[tuple[Any,
     layout, first = problem.layout, 1 + problem.layout.sliding
     parts = []
     if layout.sliding:
-        fixed = layout.fixed_bound / scaling.block_impulse
-        parts.append((scaling.lanes[:, 1:first], layout.friction_coefficient, fixed))
+        fixed_bound = layout.fixed_bound / scaling.block_impulse
+        parts.append((scaling.lanes[:, 1:first], layout.friction_coefficient, fixed_bound))
     if layout.rolling:
         coefficient = layout.rolling_coefficient * (scaling.block_impulse / scaling.block_moment)
         parts.append((scaling.lanes[:, first:], coefficient, layout.rolling_bound / scaling.block_moment))
@@ -284,13 +288,13 @@ def friction_parts(problem: ContactProblem, scaling: Scaling) -> list[tuple[Any,
 
 
 def _dual_cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatArray, list[Any]]:
-    """Return rows, a factor for each row, and the cones of (factor · ξ)[rows]: (ξ_N/μ, ξ_T), ξ_N alone, or 0.
+    """Return rows, a scale for each row, and the cones of (scale · ξ)[rows]: (ξ_N/μ, ξ_T), ξ_N alone, or 0.
 
     Rows of friction with μ = 0 are in no cone and have no impulse.
     """
     layout = problem.layout
     rows: list[int] = []
-    factors: list[float] = []
+    cone_scale: list[float] = []
     cones: list[Any] = []
     for block in range(layout.n_blocks):
         normal, mu = int(scaling.lanes[block, 0]), float(layout.friction_coefficient[block])
@@ -298,9 +302,9 @@ def _dual_cones(problem: ContactProblem, scaling: Scaling) -> tuple[Any, FloatAr
             continue
         tangents = [int(row) for row in scaling.lanes[block, 1:] if row >= 0] if mu > 0.0 else []
         rows += [normal, *tangents]
-        factors += [1.0 / mu if tangents else 1.0, *[1.0] * len(tangents)]
+        cone_scale += [1.0 / mu if tangents else 1.0, *[1.0] * len(tangents)]
         if tangents:
             cones.append(clarabel.SecondOrderConeT(1 + len(tangents)))
         else:
             cones.append(clarabel.ZeroConeT(1) if layout.is_bilateral[block] else clarabel.NonnegativeConeT(1))
-    return np.array(rows, dtype=np.int64), np.array(factors), cones
+    return np.array(rows, dtype=np.int64), np.array(cone_scale), cones

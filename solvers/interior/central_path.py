@@ -12,7 +12,7 @@ followed by arc length, for which turns are regular:
     3. The steps repeat from the end of the range, until the residual reaches the tolerance.
 
 Along the whole path det (Ĝ + D) has one sign where τ decreases and the other where it increases (Allgower & Georg,
-*Introduction to Numerical Continuation Methods*, 2003, chapter 2). Each point thus determines the direction by itself.
+*Introduction to Numerical Continuation Methods*, 2003, chapter 2). Each point thus determines the direction.
 A direction chosen by the angle to the previous tangent would lead backwards at sharp bends of the path. If the solution
 is strictly complementary, the path is analytic at τ = 0, and the residual decreases fast. Otherwise it decreases like
 √τ.
@@ -73,7 +73,7 @@ class CentralPath(InteriorMethod):
 
     def path(self, prepared: PreparedRuns, progress: Progress) -> FollowedPath:
         """Return the path, whose first point has not been found yet."""
-        return FollowedPath(prepared.scaled, prepared.system, self.order, progress)
+        return FollowedPath(prepared.scaled_problem, prepared.system, self.order, progress)
 
 
 @dataclass(eq=False)

@@ -52,7 +52,7 @@ def determinant(x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def to_boundary(x, d0, d):  # type: ignore[no-untyped-def]
+def step_to_boundary(x, d0, d):  # type: ignore[no-untyped-def]
     """Return the smallest t > 0 with x + t(d₀, d̄) on the boundary of the cone, for x inside; inf if there is none."""
     length = tangential_length(d)
     a, half_b = (d0 - length) * (d0 + length), x[0] * d0 - dot_tangential(x, d)
@@ -83,10 +83,10 @@ def write_pairs(kind, bound, r, u, slack, p, q):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def divide_by_arrow(p, g):  # type: ignore[no-untyped-def]
     """Replace g by L(p)⁻¹ g for the arrow matrix L(p) x = p ∘ x."""
-    head = (p[0] * g[0] - dot_tangential(p, g)) / determinant(p)
-    g[0] = head
+    scalar = (p[0] * g[0] - dot_tangential(p, g)) / determinant(p)
+    g[0] = scalar
     for lane in range(1, len(p)):
-        g[lane] = (g[lane] - head * p[lane]) / p[0]
+        g[lane] = (g[lane] - scalar * p[lane]) / p[0]
 
 
 @njit(cache=True, error_model="numpy")
@@ -103,13 +103,13 @@ def linearise(kind, p, q, target, second, matrices, shifts):  # type: ignore[no-
         det = determinant(a)
         for column in range(width):
             if column == 0:
-                head = (a[0] * b[0] - dot_tangential(a, b)) / det
+                scalar = (a[0] * b[0] - dot_tangential(a, b)) / det
             else:
-                head = (a[0] * b[column] - a[column] * b[0]) / det
-            d[0, column] = head
+                scalar = (a[0] * b[column] - a[column] * b[0]) / det
+            d[0, column] = scalar
             for lane in range(1, width):
                 entry = b[lane] if column == 0 else (b[0] if lane == column else 0.0)
-                d[lane, column] = (entry - head * a[lane]) / a[0]
+                d[lane, column] = (entry - scalar * a[lane]) / a[0]
         shifts[i, 0] = target - a[0] * b[0] - dot_tangential(a, b) - second[i, 0]
         for lane in range(1, width):
             shifts[i, lane] = -(a[0] * b[lane] + b[0] * a[lane]) - second[i, lane]
@@ -198,8 +198,8 @@ def longest_steps(kind, friction, p, q, r, u, dr, du, ds):  # type: ignore[no-un
                 t = min(t, -u[i, 0] / du[i, 0])
         if kind[i] >= CONE:
             dp, dq = (dr[i, 0], du[i, 0]) if kind[i] == CONE else (friction[i] * dr[i, 0], ds[i])
-            t = min(t, to_boundary(p[i], dp, dr[i]))
-            t = min(t, to_boundary(q[i], dq, du[i]))
+            t = min(t, step_to_boundary(p[i], dp, dr[i]))
+            t = min(t, step_to_boundary(q[i], dq, du[i]))
         shortest = min(shortest, t)
     return shortest
 
@@ -214,9 +214,9 @@ def complementarity(kind, p, q, r, u):  # type: ignore[no-untyped-def]
             squares += (r[i, 0] * u[i, 0]) ** 2
             count += 1
         if kind[i] >= CONE:
-            head = p[i, 0] * q[i, 0] + dot_tangential(p[i], q[i])
-            total += head
-            squares += head**2
+            scalar = p[i, 0] * q[i, 0] + dot_tangential(p[i], q[i])
+            total += scalar
+            squares += scalar**2
             for lane in range(1, p.shape[1]):
                 squares += (p[i, 0] * q[i, lane] + q[i, 0] * p[i, lane]) ** 2
             count += 1

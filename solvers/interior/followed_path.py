@@ -54,13 +54,15 @@ MIN_TAU, MAX_TAU = 1e-20, 1e4
 class Point:
     """A point of the manifold r∘û = τ e, and its distance from the path, the largest entry of R_p."""
 
-    def __init__(self, scaled: ScaledProblem, system: NewtonSystem, v: FloatArray, tau: float) -> None:
+    def __init__(self, scaled_problem: ScaledProblem, system: NewtonSystem, v: FloatArray, tau: float) -> None:
         self.v, self.tau = v, tau
-        self.r, self.u, self.s = on_manifold(scaled.kind, scaled.fixed_bound, scaled.friction, tau, v)
-        lift = np.where(scaled.is_cone, self.s, 0.0)
-        self.primal = self.u - system.times(self.r) - scaled.free_velocity
+        self.r, self.u, self.s = on_manifold(
+            scaled_problem.kind, scaled_problem.fixed_bound, scaled_problem.friction, tau, v
+        )
+        lift = np.where(scaled_problem.is_cone, self.s, 0.0)
+        self.primal = self.u - system.times(self.r) - scaled_problem.free_velocity
         self.primal[:, 0] -= lift
-        self.primal[~scaled.uses] = 0.0
+        self.primal[~scaled_problem.uses] = 0.0
         self.distance = float(np.abs(self.primal).max(initial=0.0))
         largest = float(np.abs(self.r).max(initial=1.0))
         self.is_finite = bool(np.isfinite(self.distance) and np.isfinite(largest))
@@ -74,14 +76,14 @@ class Point:
 class FollowedPath:
     """The path of one problem, which several solves may follow."""
 
-    def __init__(self, scaled: ScaledProblem, system: NewtonSystem, order: int, progress: Progress) -> None:
-        self._scaled, self._system, self._order = scaled, system, order
-        self._progress, n, width = progress, scaled.n_cones, scaled.lanes.width
+    def __init__(self, scaled_problem: ScaledProblem, system: NewtonSystem, order: int, progress: Progress) -> None:
+        self._scaled_problem, self._system, self._order = scaled_problem, system, order
+        self._progress, n, width = progress, scaled_problem.n_cones, scaled_problem.lanes.width
         self._full_shares = np.ones(n)
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
         self._shifts, self._right = np.zeros((n, width)), np.zeros((n, width))
         self._linearised, self._reduced = (self._matrices, self._shifts), (self._coupled, self._right)
-        self._heads, self._lifts = np.zeros((n, width + 1)), np.zeros(n)
+        self._complementarity_terms, self._lift_terms = np.zeros((n, width + 1)), np.zeros(n)
         self._p, self._q = np.empty((n, width)), np.empty((n, width))
         self._point: Point
         self._tangent: Direction | None = None
@@ -103,12 +105,12 @@ class FollowedPath:
     def find(self, first: FloatArray) -> None:
         """Find a point of the path from Λ = ``first``, shape (n_rows,)."""
         starts: tuple[float, ...] = STARTS
-        r, u = self._scaled.of_impulses(first)
+        r, u = self._scaled_problem.of_impulses(first)
         v = r - u if np.any(first) else np.zeros_like(r)
         if np.any(first):
             starts = (max(WARM_SHARE * min(self._progress.best_residual, 1.0), MIN_WARM_TAU), *STARTS)
         for tau in starts:
-            self._point = self._correct(Point(self._scaled, self._system, v, tau))
+            self._point = self._correct(Point(self._scaled_problem, self._system, v, tau))
             if self._progress.outcome is not None or self._point.is_within(CLOSE):
                 return
             v = np.zeros_like(v)
@@ -151,44 +153,63 @@ class FollowedPath:
         return f"{self._progress.best_residual:.1e}"
 
     def _record(self, point: Point) -> None:
-        self._progress.record(*self._scaled.judged(point.r))
+        self._progress.record(*self._scaled_problem.judged(point.r))
         self._progress.check_feasibility(point.r)
 
     def _factorise(self, point: Point) -> bool:
         """Linearise at a point and factorise; return whether the factorisation succeeded."""
-        scaled, kind = self._scaled, self._scaled.kind
-        cones.write_pairs(kind, scaled.bounds(point.r), point.r, point.u, point.s, self._p, self._q)
-        self._heads[:] = 0.0
-        cones.linearise(kind, self._p, self._q, point.tau, self._heads, *self._linearised)
-        laws = (kind, scaled.friction, self._full_shares)
-        cones.couple(*laws, point.r, point.u, *self._linearised, point.tau, self._heads, *self._reduced)
+        scaled_problem, kind = self._scaled_problem, self._scaled_problem.kind
+        cones.write_pairs(kind, scaled_problem.bounds(point.r), point.r, point.u, point.s, self._p, self._q)
+        self._complementarity_terms[:] = 0.0
+        cones.linearise(kind, self._p, self._q, point.tau, self._complementarity_terms, *self._linearised)
+        laws = (kind, scaled_problem.friction, self._full_shares)
+        cones.couple(*laws, point.r, point.u, *self._linearised, point.tau, self._complementarity_terms, *self._reduced)
         self._factorised_point = point
         return self._progress.factorise(lambda: self._system.factorise(self._coupled))
 
     def _tau_right_side(self) -> FloatArray:
         """Return the right-hand side of complementarity for dτ = τ."""
-        heads = np.zeros_like(self._heads)
-        heads[:, 0] = heads[:, -1] = self._factorised_point.tau
-        return heads
+        complementarity_terms = np.zeros_like(self._complementarity_terms)
+        complementarity_terms[:, 0] = complementarity_terms[:, -1] = self._factorised_point.tau
+        return complementarity_terms
 
     def _solve(
-        self, heads: FloatArray, lifts: FloatArray, primal: FloatArray | None = None, refinements: int = 1
+        self,
+        complementarity_terms: FloatArray,
+        lift_terms: FloatArray,
+        primal: FloatArray | None = None,
+        refinements: int = 1,
     ) -> Direction:
         """Return the solution of the linear system at the factorised point, with zero change of τ."""
-        scaled, point = self._scaled, self._factorised_point
-        write_right_side(scaled.kind, self._p, point.r, point.u, heads, lifts, self._shifts, self._right)
+        scaled_problem, point = self._scaled_problem, self._factorised_point
+        write_right_side(
+            scaled_problem.kind, self._p, point.r, point.u, complementarity_terms, lift_terms, self._shifts, self._right
+        )
         total = self._right if primal is None else self._right + primal
-        dr = np.where(scaled.uses, self._system.solve(np.where(scaled.uses, total, 0.0), refinements), 0.0)
+        dr = np.where(
+            scaled_problem.uses, self._system.solve(np.where(scaled_problem.uses, total, 0.0), refinements), 0.0
+        )
         du, ds = np.empty_like(dr), np.empty(len(dr))
-        laws = (scaled.kind, scaled.friction, self._full_shares)
-        cones.write_changes(*laws, point.u, *self._linearised, *self._reduced, -lifts, dr, du, ds)
+        laws = (scaled_problem.kind, scaled_problem.friction, self._full_shares)
+        cones.write_changes(*laws, point.u, *self._linearised, *self._reduced, -lift_terms, dr, du, ds)
         return Direction(dr, du, ds, 0.0)
 
     def _product(self, x: Direction, y: Direction) -> float:
         """Return ⟨x, y⟩ (``power_series``) in the metric of the factorised point."""
-        scaled, point = self._scaled, self._factorised_point
+        scaled_problem, point = self._scaled_problem, self._factorised_point
         inner = local_product(
-            scaled.kind, scaled.friction, self._p, self._q, point.r, point.u, x.r, x.u, x.s, y.r, y.u, y.s
+            scaled_problem.kind,
+            scaled_problem.friction,
+            self._p,
+            self._q,
+            point.r,
+            point.u,
+            x.r,
+            x.u,
+            x.s,
+            y.r,
+            y.u,
+            y.s,
         )
         return float(inner) + float(x.tau) * float(y.tau)  # NumPy scalars would warn if the path overflows
 
@@ -201,14 +222,21 @@ class FollowedPath:
 
     def _series(self, point: Point, tangent: Direction) -> Series:
         """Return the power series from ``point`` whose first-order term is the unit ``tangent``."""
-        scaled = self._scaled
+        scaled_problem = self._scaled_problem
         series = Series(self._order, point.r, point.u, point.s)
         series.put(1, tangent)
         for order in range(2, self._order + 1):
             write_lower_orders(
-                scaled.kind, scaled.friction, series.r, series.u, series.s, order, self._heads, self._lifts
+                scaled_problem.kind,
+                scaled_problem.friction,
+                series.r,
+                series.u,
+                series.s,
+                order,
+                self._complementarity_terms,
+                self._lift_terms,
             )
-            particular = self._solve(self._heads, self._lifts, refinements=0)
+            particular = self._solve(self._complementarity_terms, self._lift_terms, refinements=0)
             series.put(order, particular.plus(-self._product(tangent, particular), tangent))
         return series
 
@@ -227,7 +255,7 @@ class FollowedPath:
             if not series.tau_at(reach) > MIN_TAU_RATIO:
                 reach = _last_above(series, MIN_TAU_RATIO, reach)
             tau = series.tau_at(reach) * point.tau
-            end_point = Point(self._scaled, self._system, series.manifold_vector(reach), tau)
+            end_point = Point(self._scaled_problem, self._system, series.manifold_vector(reach), tau)
             if end_point.is_within(LOOSE):
                 return end_point, reach
             reach *= SHORTENING
@@ -238,12 +266,12 @@ class FollowedPath:
         for _ in range(max_steps):
             if point.is_within(CLOSE) or self._progress.outcome is not None or not self._factorise(point):
                 break
-            step = self._solve(self._heads * 0.0, self._lifts * 0.0, point.primal, 2)
-            part, change = 1.0, step.r - step.u
-            candidate = Point(self._scaled, self._system, point.v + change, point.tau)
-            while not candidate.distance < point.distance and part > MIN_STEP:
-                part *= 0.5
-                candidate = Point(self._scaled, self._system, point.v + part * change, point.tau)
+            step = self._solve(self._complementarity_terms * 0.0, self._lift_terms * 0.0, point.primal, 2)
+            fraction, change = 1.0, step.r - step.u
+            candidate = Point(self._scaled_problem, self._system, point.v + change, point.tau)
+            while not candidate.distance < point.distance and fraction > MIN_STEP:
+                fraction *= 0.5
+                candidate = Point(self._scaled_problem, self._system, point.v + fraction * change, point.tau)
             if not candidate.is_finite:
                 break
             point = candidate
@@ -256,15 +284,15 @@ class FollowedPath:
         for _ in range(FURTHER_STEPS):
             if point.is_within(CLOSE) or self._progress.outcome is not None or not self._factorise(point):
                 break
-            newton = self._solve(self._heads * 0.0, self._lifts * 0.0, point.primal, 2)
-            along = self._solve(self._tau_right_side(), self._lifts * 0.0)
+            newton = self._solve(self._complementarity_terms * 0.0, self._lift_terms * 0.0, point.primal, 2)
+            along = self._solve(self._tau_right_side(), self._lift_terms * 0.0)
             along = Direction(along.r, along.u, along.s, 1.0)
             slope = self._product(self._tangent, along)
             share = -self._product(self._tangent, newton) / slope if abs(slope) > 0.0 else 0.0
             share = float(np.clip(share, -2.0, 2.0)) if np.isfinite(share) else 0.0
             change = newton.plus(share, along)
             candidate = Point(
-                self._scaled, self._system, point.v + change.r - change.u, point.tau * float(np.exp(share))
+                self._scaled_problem, self._system, point.v + change.r - change.u, point.tau * float(np.exp(share))
             )
             if not candidate.is_finite:
                 break

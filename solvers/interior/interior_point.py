@@ -63,7 +63,7 @@ class InteriorPoint(InteriorMethod):
 
     def run(self, prepared: PreparedRuns, progress: Progress) -> None:
         """Do Newton steps until ``progress`` has an outcome."""
-        iterate = _Iterate(prepared.scaled, prepared.system, progress.best, progress.best_residual)
+        iterate = _Iterate(prepared.scaled_problem, prepared.system, progress.best, progress.best_residual)
         while progress.outcome is None:
             iterate.step(progress)
             progress.check_gain()
@@ -72,12 +72,12 @@ class InteriorPoint(InteriorMethod):
 class _Iterate:
     """r, û and s of one solve, strictly inside the cones."""
 
-    def __init__(self, scaled: ScaledProblem, system: NewtonSystem, first: FloatArray, residual: float) -> None:
-        self._scaled, self._system = scaled, system
-        n, width = self._scaled.uses.shape
-        self._kind, self._friction = self._scaled.kind, self._scaled.friction
+    def __init__(self, scaled_problem: ScaledProblem, system: NewtonSystem, first: FloatArray, residual: float) -> None:
+        self._scaled_problem, self._system = scaled_problem, system
+        n, width = self._scaled_problem.uses.shape
+        self._kind, self._friction = self._scaled_problem.kind, self._scaled_problem.friction
         # the matrix of a step treats a bound as constant if another contact determines it
-        self._share = np.where(self._scaled.is_remote, 0.0, 1.0)
+        self._share = np.where(self._scaled_problem.is_remote, 0.0, 1.0)
         self._step_length, self._refinements = 1.0, 0
         self._matrices, self._coupled = np.zeros((n, width, width)), np.empty((n, width, width))
         self._shifts, self._second = np.zeros((n, width)), np.zeros((n, width + 1))
@@ -87,38 +87,38 @@ class _Iterate:
         self._linearised, self._reduced = (self._matrices, self._shifts), (self._coupled, self._right)
         if np.any(first):
             tau = float(np.clip(WARM_SHARE * residual, MIN_WARM_TAU, MAX_WARM_TAU))
-            r, u = self._scaled.of_impulses(first)
-            bound = self._scaled.bounds(np.maximum(r, 0.0))
-            fixed = np.maximum(bound - self._friction * np.maximum(r[:, 0], 0.0), tau)
-            self._r, self._u, self._s = on_manifold(self._kind, fixed, self._friction, tau, r - u)
+            r, u = self._scaled_problem.of_impulses(first)
+            bound = self._scaled_problem.bounds(np.maximum(r, 0.0))
+            fixed_bound = np.maximum(bound - self._friction * np.maximum(r[:, 0], 0.0), tau)
+            self._r, self._u, self._s = on_manifold(self._kind, fixed_bound, self._friction, tau, r - u)
         else:
             self._start_cold()
         self._keep_inside()
 
     def _start_cold(self) -> None:
-        kind, uses = self._kind, self._scaled.uses
+        kind, uses = self._kind, self._scaled_problem.uses
         has_friction = kind >= cones.CONE
         self._r, self._u = np.zeros(uses.shape), np.zeros(uses.shape)
         has_normal = (kind == cones.NORMAL) | (kind == cones.CONE) | (kind == cones.BOTH)
         self._r[has_normal, 0] = self._u[has_normal, 0] = START
         self._u[:, 1:] = np.where(uses[:, 1:] & has_friction[:, None], START_TANGENT, 0.0)
-        bound = np.where(kind == cones.CONE, START, self._scaled.bounds(self._r))
+        bound = np.where(kind == cones.CONE, START, self._scaled_problem.bounds(self._r))
         self._r[:, 1:] = self._u[:, 1:] * bound[:, None]
         self._s = np.where(kind == cones.CONE, tangential_lengths(self._u), START)
 
     def _keep_inside(self) -> None:
-        self._scaled.lanes.equalise_normals(self._r)
-        cones.keep_inside(self._kind, self._scaled.bounds(self._r), self._r, self._u, self._s)
+        self._scaled_problem.lanes.equalise_normals(self._r)
+        cones.keep_inside(self._kind, self._scaled_problem.bounds(self._r), self._r, self._u, self._s)
 
     def step(self, progress: Progress) -> None:
         """Do one Newton step."""
-        scaled, kind = self._scaled, self._kind
-        self._bound = scaled.bounds(self._r)
+        scaled_problem, kind = self._scaled_problem, self._kind
+        self._bound = scaled_problem.bounds(self._r)
         cones.write_pairs(kind, self._bound, self._r, self._u, self._s, self._p, self._q)
         tau, norm = cones.complementarity(kind, self._p, self._q, self._r, self._u)
-        self._lag = np.where(scaled.is_cone, self._s - tangential_lengths(self._u), 0.0)
-        self._primal = self._u - self._system.times(self._r) - scaled.free_velocity
-        self._primal[:, 0] += np.where(scaled.is_cone, self._lag - self._s, 0.0)  # R_p + R_s e_N
+        self._lag = np.where(scaled_problem.is_cone, self._s - tangential_lengths(self._u), 0.0)
+        self._primal = self._u - self._system.times(self._r) - scaled_problem.free_velocity
+        self._primal[:, 0] += np.where(scaled_problem.is_cone, self._lag - self._s, 0.0)  # R_p + R_s e_N
         self._refinements = REFINEMENTS if progress.best_residual <= REFINED_RESIDUAL else 0
         dr = self._combined_step(tau, bool(np.linalg.norm(self._lag) > norm), progress)
         if dr is None:
@@ -128,7 +128,7 @@ class _Iterate:
         self._r, self._u = self._r + self._step_length * dr, self._u + self._step_length * self._du
         self._s = self._s + self._step_length * self._ds
         self._keep_inside()
-        progress.record(*scaled.judged(self._r), self._step_length)
+        progress.record(*scaled_problem.judged(self._r), self._step_length)
         progress.check_feasibility(self._r)
 
     def _combined_step(self, tau: float, has_large_lag: bool, progress: Progress) -> FloatArray | None:
@@ -143,9 +143,9 @@ class _Iterate:
             return None
         dr = self._solve()
         if not has_large_lag and np.isfinite(dr).all():
-            part = min(1.0, self._longest_step(dr))
-            tau_ratio = max(self._tau_at(dr, part) / tau, 0.0) if tau > 0.0 else 0.0
-            sigma = CENTRING * min(1.0, tau_ratio ** max(1.0, 3.0 * part**2))
+            fraction = min(1.0, self._longest_step(dr))
+            tau_ratio = max(self._tau_at(dr, fraction) / tau, 0.0) if tau > 0.0 else 0.0
+            sigma = CENTRING * min(1.0, tau_ratio ** max(1.0, 3.0 * fraction**2))
             if sigma < SECOND_ORDER:
                 cones.write_second_order(self._kind, self._friction, dr, self._du, self._ds, self._second)
             self._linearise(sigma * tau)
@@ -162,7 +162,7 @@ class _Iterate:
 
     def _solve(self) -> FloatArray:
         """Return dr of the linearised equations, and store dû and ds."""
-        uses = self._scaled.uses
+        uses = self._scaled_problem.uses
         right = np.where(uses, self._right + self._primal, 0.0)
         dr = np.where(uses, self._system.solve(right, self._refinements), 0.0)
         cones.write_changes(*self._laws, self._u, *self._linearised, *self._reduced, self._lag, dr, self._du, self._ds)
@@ -173,9 +173,9 @@ class _Iterate:
             cones.longest_steps(self._kind, self._friction, self._p, self._q, self._r, self._u, dr, self._du, self._ds)
         )
 
-    def _tau_at(self, dr: FloatArray, part: float) -> float:
-        """Return τ after ``part`` of a step."""
-        r, u, s = self._r + part * dr, self._u + part * self._du, self._s + part * self._ds
+    def _tau_at(self, dr: FloatArray, fraction: float) -> float:
+        """Return τ after a step of length ``fraction``."""
+        r, u, s = self._r + fraction * dr, self._u + fraction * self._du, self._s + fraction * self._ds
         p, q = np.empty_like(r), np.empty_like(u)
-        cones.write_pairs(self._kind, self._scaled.bounds(r), r, u, s, p, q)
+        cones.write_pairs(self._kind, self._scaled_problem.bounds(r), r, u, s, p, q)
         return float(cones.complementarity(self._kind, p, q, r, u)[0])

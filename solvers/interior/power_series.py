@@ -58,55 +58,56 @@ class Direction:
 
 
 @njit(cache=True, error_model="numpy")
-def write_lower_orders(kind, friction, r, u, s, order, heads, lifts):  # type: ignore[no-untyped-def]
+def write_lower_orders(kind, friction, r, u, s, order, complementarity_terms, lift_terms):  # type: ignore[no-untyped-def]
     """Write the sums over lower orders in the equations of order k, for each of m cones of w lanes.
 
-    ``heads`` receives −Σ p_j∘q_{k−j} and, in its last column, −Σ r_j û_{k−j} of normal laws, shape (m, w + 1).
-    ``lifts`` receives the sum in s_k divided by 2s₀, shape (m,).
+    ``complementarity_terms`` receives −Σ p_j∘q_{k−j} and, in its last column, −Σ r_j û_{k−j} of normal laws, shape
+    (m, w + 1).
+    ``lift_terms`` receives the sum in s_k divided by 2s₀, shape (m,).
     """
     width = r.shape[2]
     for i in range(len(kind)):
-        heads[i] = 0.0
-        lifts[i] = 0.0
+        complementarity_terms[i] = 0.0
+        lift_terms[i] = 0.0
         for j in range(1, order):
             k = order - j
             if kind[i] == NORMAL or kind[i] == BOTH:
-                heads[i, width] -= r[j, i, 0] * u[k, i, 0]
+                complementarity_terms[i, width] -= r[j, i, 0] * u[k, i, 0]
             if kind[i] < CONE:
                 continue
             if kind[i] == CONE:
                 p, q, p_other, q_other = r[j, i, 0], u[k, i, 0], r[k, i, 0], u[j, i, 0]
             else:
                 p, q, p_other, q_other = friction[i] * r[j, i, 0], s[k, i], friction[i] * r[k, i, 0], s[j, i]
-            heads[i, 0] -= p * q + dot_tangential(r[j, i], u[k, i])
+            complementarity_terms[i, 0] -= p * q + dot_tangential(r[j, i], u[k, i])
             for lane in range(1, width):
-                heads[i, lane] -= p_other * u[j, i, lane] + q_other * r[k, i, lane]
+                complementarity_terms[i, lane] -= p_other * u[j, i, lane] + q_other * r[k, i, lane]
             if kind[i] == CONE:
-                lifts[i] += dot_tangential(u[j, i], u[k, i]) - s[j, i] * s[k, i]
-        if lifts[i] != 0.0:
-            lifts[i] = lifts[i] / (2.0 * s[0, i]) if s[0, i] > 0.0 else 0.0
+                lift_terms[i] += dot_tangential(u[j, i], u[k, i]) - s[j, i] * s[k, i]
+        if lift_terms[i] != 0.0:
+            lift_terms[i] = lift_terms[i] / (2.0 * s[0, i]) if s[0, i] > 0.0 else 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def write_right_side(kind, p, r, u, heads, lifts, shifts, right):  # type: ignore[no-untyped-def]
-    """Write L(p)⁻¹ times ``heads`` to ``shifts``, and the right-hand side of the linear system to ``right``."""
+def write_right_side(kind, p, r, u, complementarity_terms, lift_terms, shifts, right):  # type: ignore[no-untyped-def]
+    """Write L(p)⁻¹ ``complementarity_terms`` to ``shifts``, and the right-hand side of the system to ``right``."""
     width = r.shape[1]
     for i in range(len(kind)):
         shifts[i] = 0.0
         right[i] = 0.0
         if kind[i] == NORMAL or kind[i] == BOTH:
-            right[i, 0] = heads[i, width] / r[i, 0]
+            right[i, 0] = complementarity_terms[i, width] / r[i, 0]
         if kind[i] < CONE:
             continue
         for lane in range(width):
-            shifts[i, lane] = heads[i, lane]
+            shifts[i, lane] = complementarity_terms[i, lane]
         divide_by_arrow(p[i], shifts[i])
         for lane in range(1, width):
             right[i, lane] = shifts[i, lane]
         if kind[i] == CONE:
             length = tangential_length(u[i])
             along = dot_tangential(u[i], shifts[i]) / length if length > 0.0 else 0.0
-            right[i, 0] = shifts[i, 0] - along - lifts[i]
+            right[i, 0] = shifts[i, 0] - along - lift_terms[i]
 
 
 @njit(cache=True, error_model="numpy")

@@ -85,17 +85,17 @@ class Progress:
             self.end(Status.STALLED, f"the Newton system is singular at residual {self.best_residual:.1e}")
         return is_factorised
 
-    def record(self, impulses: FloatArray, residual: float, part: float = 1.0) -> None:
-        """Count a step of length ``part`` that led to Λ with this residual in the judge's arithmetic."""
+    def record(self, impulses: FloatArray, residual: float, fraction: float = 1.0) -> None:
+        """Count a step of length ``fraction`` that led to Λ with this residual in the judge's arithmetic."""
         self._iteration += 1
-        is_short = part < self._shortest if self._shortest > 0.0 else np.array_equal(impulses, self._latest)
+        is_short_step = fraction < self._shortest if self._shortest > 0.0 else np.array_equal(impulses, self._latest)
         self._latest = impulses
         self._step_seconds = self._clock.elapsed - self._step_start
         self._clock.show(self._observe, self._iteration, impulses)
         self._n_stale_steps += 1
         if residual < self.best_residual:
             self.best, self.best_residual, self._n_stale_steps = impulses, residual, 0
-        self._n_short_steps = self._n_short_steps + 1 if is_short else 0
+        self._n_short_steps = self._n_short_steps + 1 if is_short_step else 0
         self._check_limits()
         if self._n_short_steps >= MAX_SHORT_STEPS:
             self.end(Status.STALLED, f"all steps end at the boundary of a cone, best residual {self.best_residual:.1e}")

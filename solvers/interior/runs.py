@@ -50,9 +50,11 @@ class InteriorMethod(Method, ABC):
         """Scale the problem, assemble what the form needs, and order the factorisation."""
         self.check_supports(problem)
         residual = Residual(problem)
-        scaled = ScaledProblem(problem, residual)
-        system = BodySystem(problem, scaled) if self.form == "factors" else DelassusSystem(problem, scaled)
-        return PreparedRuns(self, problem, residual, scaled, system)
+        scaled_problem = ScaledProblem(problem, residual)
+        system = (
+            BodySystem(problem, scaled_problem) if self.form == "factors" else DelassusSystem(problem, scaled_problem)
+        )
+        return PreparedRuns(self, problem, residual, scaled_problem, system)
 
     @abstractmethod
     def run(self, prepared: "PreparedRuns", progress: Progress) -> None:
@@ -61,23 +63,23 @@ class InteriorMethod(Method, ABC):
 
 @dataclass(frozen=True, eq=False)
 class PreparedRuns:
-    """The scaled problem and its ordered factorisation; a solve has several runs, or one if ``is_single``."""
+    """The scaled problem and its ordered factorisation; a solve has several runs, or one if ``has_single_run``."""
 
     method: InteriorMethod
     problem: ContactProblem
     residual: Residual = field(repr=False)
-    scaled: ScaledProblem = field(repr=False)
+    scaled_problem: ScaledProblem = field(repr=False)
     system: NewtonSystem = field(repr=False)
-    is_single: bool = False
+    has_single_run: bool = False
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
         """Run until the residual reaches the tolerance or a run fails to reduce it; see ``Prepared.solve``."""
-        progress = self.begin(stop, start, observe, NEGLIGIBLE_STEP if self.is_single else 0.0)
+        progress = self.begin(stop, start, observe, NEGLIGIBLE_STEP if self.has_single_run else 0.0)
         if progress is None:
             return infeasible_solution(self.problem)
         while progress.may_run():
             self.method.run(self, progress)
-            if self.is_single:
+            if self.has_single_run:
                 break
         return progress.solution()
 
@@ -90,7 +92,7 @@ class PreparedRuns:
         first, flops = initial_impulses(self.problem, self.residual, start), self.system.flops
         if self.residual.infeasible:
             return None
-        is_warm = bool(first.any()) and not self.is_single
+        is_warm = bool(first.any()) and not self.has_single_run
         return Progress(
             self.problem, self.residual, stop, observe, flops=flops, first=first, shortest=shortest, is_warm=is_warm
         )
@@ -113,4 +115,4 @@ class SingleRun(Method):
 
     def prepare(self, problem: ContactProblem) -> PreparedRuns:
         """Prepare the method."""
-        return replace(self.method.prepare(problem), is_single=True)
+        return replace(self.method.prepare(problem), has_single_run=True)

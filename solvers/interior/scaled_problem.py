@@ -100,7 +100,7 @@ class ScaledProblem:
         mean = float(alpha[alpha > 0.0].mean()) if (alpha > 0.0).any() else 1.0
         stretch = np.sqrt(mean / np.where(alpha > 0.0, alpha, mean))
         self._bound_scale = speed * stretch / mean
-        mu, fixed, arm = self._bounds_of_cones(residual)
+        mu, fixed_bound, arm = self._bounds_of_cones(residual)
         shape = np.column_stack([np.ones_like(mu), *[np.where(self.is_cone, mu, arm)] * (self.lanes.width - 1)])
         shape *= self.uses
         self.impulse_scale: FloatArray = self._bound_scale[block, None] * shape
@@ -108,7 +108,7 @@ class ScaledProblem:
         has_own_bound = self.kind == cones.BOTH
         has_own_bound[self._remote] = False
         self.friction: FloatArray = np.where(has_own_bound, mu / arm, 0.0)
-        self.fixed_bound: FloatArray = fixed / (arm * self._bound_scale[block])
+        self.fixed_bound: FloatArray = fixed_bound / (arm * self._bound_scale[block])
 
     def _bounds_of_cones(self, residual: Residual) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return μ and a of every cone, and the length by which rolling impulses with a fixed bound are divided."""
@@ -131,23 +131,23 @@ def tangential_lengths(lanes: FloatArray) -> FloatArray:
 def _sliding_kinds(layout: BlockLayout) -> tuple[IntArray, IntArray]:
     """Return the kind of each block's first cone, and the blocks whose friction is bounded by another contact."""
     is_own_partner = layout.partner == np.arange(layout.n_blocks)
-    mu, fixed = layout.friction_coefficient, layout.fixed_bound
+    mu, fixed_bound = layout.friction_coefficient, layout.fixed_bound
     has_normal, has_friction = layout.normal_law >= 0, layout.friction_law >= 0
-    has_bound = has_friction & ((mu > 0.0) | (fixed > 0.0))
+    has_bound = has_friction & ((mu > 0.0) | (fixed_bound > 0.0))
     kind = np.full(layout.n_blocks, cones.IDLE, dtype=np.int64)
     kind[has_normal & ~has_bound] = cones.NORMAL
     kind[has_normal & has_bound] = cones.BOTH
     kind[~has_normal & has_bound] = cones.DISC
-    kind[has_normal & is_own_partner & (mu > 0.0) & (fixed == 0.0)] = cones.CONE
+    kind[has_normal & is_own_partner & (mu > 0.0) & (fixed_bound == 0.0)] = cones.CONE
     kind[layout.is_bilateral] = cones.JOINT
     return kind, np.flatnonzero(has_friction & ~is_own_partner & (mu > 0.0))
 
 
 def _rolling_kinds(layout: BlockLayout) -> IntArray:
     """Return the kind of each block's second cone, that of rolling friction."""
-    mu, fixed = layout.rolling_coefficient, layout.rolling_bound
+    mu, fixed_bound = layout.rolling_coefficient, layout.rolling_bound
     kind = np.full(layout.n_blocks, cones.IDLE, dtype=np.int64)
-    kind[fixed > 0.0] = cones.DISC
+    kind[fixed_bound > 0.0] = cones.DISC
     kind[mu > 0.0] = cones.BOTH
-    kind[(mu > 0.0) & (fixed == 0.0)] = cones.CONE
+    kind[(mu > 0.0) & (fixed_bound == 0.0)] = cones.CONE
     return kind

@@ -143,11 +143,11 @@ class WindowDifferences:
             move: the weighted change √α (Λ' − Λ) of the window, shape (length,).
             end: Λ' after the window, shape (length,).
         """
-        before, self._last = self._last, (move, end.copy())
-        if before is None or len(self._moves) == 0:
+        previous_step, self._last = self._last, (move, end.copy())
+        if previous_step is None or len(self._moves) == 0:
             return None
         slot = self._count % len(self._moves)
-        self._moves[slot], self._ends[slot] = move - before[0], end - before[1]
+        self._moves[slot], self._ends[slot] = move - previous_step[0], end - previous_step[1]
         self._count += 1
         n_kept = min(self._count, len(self._moves))
         moves = self._moves[:n_kept]

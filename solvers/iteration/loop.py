@@ -145,12 +145,12 @@ class IterationDriver:
         self.run(count)
         return count
 
-    def check_cycle(self, before: FloatArray) -> Outcome | None:
-        """Do two sweeps from ``before``, the latest Λ; return the outcome if they lead back to it."""
+    def check_cycle(self, second_last: FloatArray) -> Outcome | None:
+        """Do two sweeps from ``second_last``, the latest Λ; return the outcome if they lead back to it."""
         self.run(1)
         previous = self.iterates.impulses()
         self.run(1)
-        return self.monitor.check_cycle(self.iterates.impulses(), previous, before)
+        return self.monitor.check_cycle(self.iterates.impulses(), previous, second_last)
 
     def record(self, impulses: FloatArray) -> None:
         """Count one iteration that produced ``impulses``; the caller must not write to them afterwards."""
@@ -240,9 +240,9 @@ def check_rounding_limit(problem: ContactProblem, residual: Residual, driver: It
         if monitor.clock.reached_limit(monitor.stop, driver.iteration):
             return None
         driver.run(1)
-        impulses, before = driver.iterates.impulses(), monitor.best_residual
+        impulses, previous_residual = driver.iterates.impulses(), monitor.best_residual
         monitor.check_convergence(driver.iteration, residual.judged(problem, impulses), impulses)
-        n_unimproved = 0 if monitor.best_residual < BETTER_RATIO * before else n_unimproved + 1
+        n_unimproved = 0 if monitor.best_residual < BETTER_RATIO * previous_residual else n_unimproved + 1
     if monitor.best_residual <= tolerance:
         return Outcome(Status.SOLVED, "")
     if _is_rounding(residual, monitor.best_impulses, monitor):

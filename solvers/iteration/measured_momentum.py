@@ -57,13 +57,13 @@ class MeasuredMomentum:
         if best == np.inf:
             self._window_begin = sweeps, self._best
             return
-        is_first = self._memory == FIRST_MEMORY
-        window = MEMORIES_PER_WINDOW * self._memory * (self._pause if is_first else 1.0)
+        has_first_memory = self._memory == FIRST_MEMORY
+        window = MEMORIES_PER_WINDOW * self._memory * (self._pause if has_first_memory else 1.0)
         if sweeps - begin < window or self._best <= 0.0:
             return
         rate = log(best / self._best) / (sweeps - begin)
-        before, self._rate_before = self._rate_before, None
-        if before is not None and rate <= MIN_RATIO * before:
+        rate_before, self._rate_before = self._rate_before, None
+        if rate_before is not None and rate <= MIN_RATIO * rate_before:
             self._memory, self._pause = FIRST_MEMORY, GROWTH * self._pause
         elif rate * MEMORIES_PER_WINDOW * self._memory < 1.0 and self._memory < MAX_MEMORY:
             self._rate_before, self._memory = rate, min(GROWTH * self._memory, MAX_MEMORY)

@@ -82,12 +82,12 @@ def momentum_after(sweeps, momentum, delay):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def extrapolate(velocity, before, beta, begin, end):  # type: ignore[no-untyped-def]
-    """Move v from ``begin`` to ``end`` by β = ``beta`` times its last change, and keep the old v in ``before``."""
+def extrapolate(velocity, previous_velocity, beta, begin, end):  # type: ignore[no-untyped-def]
+    """Move v from ``begin`` to ``end`` by β = ``beta`` times its last change, and keep the old v."""
     for k in range(uint64(begin), uint64(end)):
         v = velocity[k]
-        velocity[k] = v + beta * (v - before[k])
-        before[k] = v
+        velocity[k] = v + beta * (v - previous_velocity[k])
+        previous_velocity[k] = v
 
 
 class MomentumState(MeasuringIterates):
@@ -135,15 +135,15 @@ class MomentumIterates(MomentumState, WrappedIterates[LinearIterates]):
         super().__init__(momentum, delay)
         self._iterates = iterates
         self._array, self._n_impulses = iterates.linear_state()
-        self._before, self._change = np.empty_like(self._array), np.zeros_like(self._array)
+        self._previous, self._change = np.empty_like(self._array), np.zeros_like(self._array)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
         for _ in range(count):
-            _extrapolate(self._array, self._before, self._change, self._beta)
+            _extrapolate(self._array, self._previous, self._change, self._beta)
             self._iterates.sweep(1)
             turns_back, squared_step = _update_change(
-                self._array, self._before, self._change, self._beta, self._n_impulses
+                self._array, self._previous, self._change, self._beta, self._n_impulses
             )
             self._sweeps += 1
             self._beta = self._next_momentum(turns_back, squared_step)
@@ -189,22 +189,22 @@ def begin_with_momentum(
 
 
 @njit(cache=True, fastmath={"contract"})
-def _extrapolate(array, before, change, momentum):  # type: ignore[no-untyped-def]
-    """Copy ``array`` to ``before`` and move it along its last change."""
+def _extrapolate(array, previous_array, change, momentum):  # type: ignore[no-untyped-def]
+    """Copy ``array`` to ``previous_array`` and move it along its last change."""
     for k in range(len(array)):
-        before[k] = array[k]
+        previous_array[k] = array[k]
         array[k] += momentum * change[k]
 
 
 @njit(cache=True, fastmath={"contract", "reassoc"})
-def _update_change(array, before, change, momentum, n_impulses):  # type: ignore[no-untyped-def]
+def _update_change(array, previous_array, change, momentum, n_impulses):  # type: ignore[no-untyped-def]
     """Update ``change``; return whether (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0 for the start y of the sweep, and ‖ΔΛ‖²."""
     total, squared_step = 0.0, 0.0
     for k in range(n_impulses):
-        step = array[k] - before[k]
+        step = array[k] - previous_array[k]
         total += (momentum * change[k] - step) * step
         squared_step += step * step
         change[k] = step
     for k in range(n_impulses, len(array)):
-        change[k] = array[k] - before[k]
+        change[k] = array[k] - previous_array[k]
     return total > 0.0, squared_step

@@ -171,17 +171,21 @@ class Monitor:
         """Reset the count of checks without progress, because the iteration has changed."""
         self._checks_without_progress = 0
 
-    def check_cycle(self, newest: FloatArray, previous: FloatArray, before: FloatArray) -> Outcome | None:
+    def check_cycle(
+        self, newest_impulses: FloatArray, previous_impulses: FloatArray, second_last_impulses: FloatArray
+    ) -> Outcome | None:
         """Compare the successive iterates Λ^ν, Λ^(ν−1), Λ^(ν−2); return the outcome if they repeat."""
         self.restart_progress()
         earlier, self._last_repeat = self._last_repeat, None
-        rounding = ROUNDING * np.abs([newest, previous, before]).max(axis=0)
-        if np.array_equal(newest, previous) and np.array_equal(newest, before):
-            self._last_repeat = Status.STALLED, newest
-            if earlier is not None and np.array_equal(newest, earlier[1]):
+        rounding = ROUNDING * np.abs([newest_impulses, previous_impulses, second_last_impulses]).max(axis=0)
+        if np.array_equal(newest_impulses, previous_impulses) and np.array_equal(newest_impulses, second_last_impulses):
+            self._last_repeat = Status.STALLED, newest_impulses
+            if earlier is not None and np.array_equal(newest_impulses, earlier[1]):
                 return Outcome(Status.STALLED, f"the impulses no longer change at residual {self.best_residual:.1e}")
-        elif (np.abs(newest - before) <= rounding).all() and (np.abs(newest - previous) > rounding).any():
-            self._last_repeat = Status.OSCILLATING, newest
+        elif (np.abs(newest_impulses - second_last_impulses) <= rounding).all() and (
+            np.abs(newest_impulses - previous_impulses) > rounding
+        ).any():
+            self._last_repeat = Status.OSCILLATING, newest_impulses
             if earlier is not None and earlier[0] is Status.OSCILLATING:
                 reason = f"the iterates repeat in a cycle of two, best residual {self.best_residual:.1e}"
                 return Outcome(Status.OSCILLATING, reason)

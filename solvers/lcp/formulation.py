@@ -91,8 +91,8 @@ def complementarity(problem: ContactProblem, residual: Residual, sides: int) -> 
     diagonal = sp.diags_array(scale)
     delassus = sp.csr_array(diagonal @ problem.delassus() @ diagonal)
     matrix = sp.csr_array(velocity @ delassus @ impulse + _sparse(conditions.direct, (n, n)))
-    free = scale * problem.free_velocity / speed
-    vector = velocity @ (delassus @ conditions.offset + free) + conditions.constant
+    free_velocity = scale * problem.free_velocity / speed
+    vector = velocity @ (delassus @ conditions.offset + free_velocity) + conditions.constant
     to_impulses = sp.csr_array(speed * diagonal @ impulse)
     return Complementarity(matrix, vector, to_impulses, speed * scale * conditions.offset)
 

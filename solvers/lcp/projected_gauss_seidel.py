@@ -77,14 +77,14 @@ class Segments:
     Attributes:
         edges: e_s in (T1, T2), unit vectors, or zero if a block has fewer segments, shape (n_blocks, n_segments, 2).
         share: bound of a segment relative to the friction bound, 1 (planar) or sin(π/k), shape (n_blocks,).
-        sizes: ω divided by the curvature along each edge [kg], shape (n_blocks, n_segments).
-        normal_sizes: ω/G_NN [kg], shape (n_blocks,).
+        edge_step_sizes: ω divided by the curvature along each edge [kg], shape (n_blocks, n_segments).
+        normal_step_sizes: ω/G_NN [kg], shape (n_blocks,).
     """
 
     edges: FloatArray
     share: FloatArray
-    sizes: FloatArray
-    normal_sizes: FloatArray
+    edge_step_sizes: FloatArray
+    normal_step_sizes: FloatArray
 
     @staticmethod
     def of(problem: ContactProblem, sides: int, relaxation: float) -> "Segments":
@@ -122,11 +122,19 @@ class PyramidIterates(DelassusState):
 
     def __init__(self, delassus: FlatDelassus, segments: Segments, start: FloatArray) -> None:
         super().__init__(delassus, start)
-        shares = np.zeros(segments.sizes.shape)
+        shares = np.zeros(segments.edge_step_sizes.shape)
         if start.any():
             shares = segments.distribute(self.layout, self.padded.reshape(-1, 3))
-        laws = LawArrays.of(self.layout, segments.normal_sizes)
-        self._arguments = (*delassus.arrays, *laws, segments.edges, segments.share, segments.sizes, shares, self.padded)
+        laws = LawArrays.of(self.layout, segments.normal_step_sizes)
+        self._arguments = (
+            *delassus.arrays,
+            *laws,
+            segments.edges,
+            segments.share,
+            segments.edge_step_sizes,
+            shares,
+            self.padded,
+        )
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
@@ -135,30 +143,43 @@ class PyramidIterates(DelassusState):
 
 @njit(cache=True, fastmath={"contract"})
 def _sweep(  # type: ignore[no-untyped-def]
-    count, starts, lanes, values, free, normal_sizes, friction, fixed, partner, edges, share, sizes, shares, impulses
+    count,
+    starts,
+    lanes,
+    values,
+    free_velocity,
+    normal_step_sizes,
+    friction,
+    fixed_bound,
+    partner,
+    edges,
+    share,
+    edge_step_sizes,
+    shares,
+    impulses,
 ):
     """Do ``count`` sweeps over all contacts, in ``impulses`` and the unknowns x of segments in ``shares``."""
     one, two, three = uint64(1), uint64(2), uint64(3)
-    segments = uint64(sizes.shape[1])
-    edges, sizes, shares = edges.reshape(-1), sizes.reshape(-1), shares.reshape(-1)
+    segments = uint64(edge_step_sizes.shape[1])
+    edges, edge_step_sizes, shares = edges.reshape(-1), edge_step_sizes.reshape(-1), shares.reshape(-1)
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k = three * i
-            normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free, impulses)
+            normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free_velocity, impulses)
             block_start = uint64(9) * starts[i]
             old = impulses[k]
-            new = max(old - normal_sizes[i] * normal, 0.0)
+            new = max(old - normal_step_sizes[i] * normal, 0.0)
             impulses[k] = new
             first += values[block_start + three] * (new - old)
             second += values[block_start + uint64(6)] * (new - old)
             g_11, g_12 = values[block_start + uint64(4)], values[block_start + uint64(5)]
             g_21, g_22 = values[block_start + uint64(7)], values[block_start + uint64(8)]
-            bound = share[i] * (fixed[i] + friction[i] * impulses[partner[i]])
+            bound = share[i] * (fixed_bound[i] + friction[i] * impulses[partner[i]])
             sum_1, sum_2 = 0.0, 0.0
             for e in range(segments * i, segments * (i + one)):
                 x, y = edges[two * e], edges[two * e + one]
                 old_share = shares[e]
-                new_share = min(max(old_share - sizes[e] * (x * first + y * second), -bound), bound)
+                new_share = min(max(old_share - edge_step_sizes[e] * (x * first + y * second), -bound), bound)
                 shares[e] = new_share
                 sum_1 += x * new_share
                 sum_2 += y * new_share

@@ -156,11 +156,11 @@ class Program:
             SolverError: if the program has ended.
             BrokenInterfaceError: if the program sends another kind of message.
         """
-        head = self._read(HEADER.size)
-        length, kind, code = HEADER.unpack(head)
+        header = self._read(HEADER.size)
+        length, kind, code = HEADER.unpack(header)
         if kind not in kinds or length > max_body(n_rows):
             raise BrokenInterfaceError(
-                f"{self.source} sent {head!r}, which does not begin an answer; write answers to standard output "
+                f"{self.source} sent {header!r}, which does not begin an answer; write answers to standard output "
                 "as messages of the protocol, and all else to standard error."
             )
         return Message(kind, code, self._read(length))

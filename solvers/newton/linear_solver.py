@@ -103,13 +103,13 @@ class LinearSolver:
             if rows >= matrix.shape[0]:
                 return False
             order = reverse_cuthill_mckee(sp.csr_matrix(matrix), symmetric_mode=True) if order is None else order
-            part = sp.csr_array(matrix[order[:rows]][:, order[:rows]])
-            if self._predict(part.nnz) > self._clock.remaining:
+            leading_block = sp.csr_array(matrix[order[:rows]][:, order[:rows]])
+            if self._predict(leading_block.nnz) > self._clock.remaining:
                 return False
             start = self._clock.elapsed
-            if factorise(part) is None:
+            if factorise(leading_block) is None:
                 return False
-            self._record(part, self._clock.elapsed - start)
+            self._record(leading_block, self._clock.elapsed - start)
         return True
 
     def _predict(self, entries: int) -> float:

@@ -134,7 +134,20 @@ def _jacobian(delassus, active, slips, pairs, weights):  # type: ignore[no-untyp
 
 @njit(cache=True)
 def _linearise(  # type: ignore[no-untyped-def]
-    sets, first_row, rows, friction, fixed, partner_row, alpha, velocity, base, right, is_active, slips, pairs, weights
+    sets,
+    first_row,
+    rows,
+    friction,
+    fixed_bound,
+    partner_row,
+    alpha,
+    velocity,
+    base,
+    right,
+    is_active,
+    slips,
+    pairs,
+    weights,
 ):
     """Identify the states, set Λ of open and idle rows to zero, and write the right-hand side and weights of slip."""
     for law in range(len(sets)):
@@ -151,7 +164,7 @@ def _linearise(  # type: ignore[no-untyped-def]
             continue
         i, n, width = first_row[law], partner_row[law], rows[law]
         mu = friction[law] if n >= 0 and is_active[n] else 0.0
-        bound = fixed[law] + (mu * max(base[n], 0.0) if n >= 0 else 0.0)
+        bound = fixed_bound[law] + (mu * max(base[n], 0.0) if n >= 0 else 0.0)
         if bound <= 0.0 and mu == 0.0:
             base[i : i + width] = 0.0
             continue

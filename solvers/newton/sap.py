@@ -126,9 +126,9 @@ def _steps(springs: _Springs, start: FloatArray) -> Iterator[FloatArray]:
 
 def _step_fraction(springs: _Springs, w: FloatArray, gradient: FloatArray, step: FloatArray) -> float:
     """Return the first fraction 1, ½, ¼, … of a step that decreases ℓ sufficiently, or 0 if there is none."""
-    slope, before, fraction = float(gradient @ step), springs.value(w), 1.0
+    slope, old_value, fraction = float(gradient @ step), springs.value(w), 1.0
     while fraction >= MIN_STEP:
-        if springs.value(w + fraction * step) <= before + SUFFICIENT_DECREASE * fraction * slope:
+        if springs.value(w + fraction * step) <= old_value + SUFFICIENT_DECREASE * fraction * slope:
             return fraction
         fraction *= 0.5
     return 0.0
@@ -144,19 +144,19 @@ def _derivatives(cone: ConeProblem, argument: FloatArray) -> FloatArray:
 
     At N = 0, only the second part remains, with b = a, or, inside the disc, the identity over T.
     """
-    friction, fixed = cone.layout.friction_coefficient, cone.fixed_bound
+    friction, fixed_bound = cone.layout.friction_coefficient, cone.fixed_bound
     n, width = argument.shape
     normal, tangent = argument[:, 0], argument[:, 1:]
     length = np.sqrt((tangent**2).sum(axis=1))
     derivatives = np.zeros((n, width, width))
-    is_inside = length <= fixed + friction * np.maximum(normal, 0.0)
-    normal_impulse = np.where(is_inside, normal, (normal + friction * (length - fixed)) / (1.0 + friction**2))
+    is_inside = length <= fixed_bound + friction * np.maximum(normal, 0.0)
+    normal_impulse = np.where(is_inside, normal, (normal + friction * (length - fixed_bound)) / (1.0 + friction**2))
     derivatives[:, 0, 0] = np.where(normal_impulse > 0.0, np.where(is_inside, 1.0, 1.0 / (1.0 + friction**2)), 0.0)
     if width == 1:
         return derivatives
     along = tangent / np.where(length > 0.0, length, 1.0)[:, None]
     outer = along[:, :, None] * along[:, None, :]
-    bound = fixed + friction * np.maximum(normal_impulse, 0.0)
+    bound = fixed_bound + friction * np.maximum(normal_impulse, 0.0)
     across = np.where(is_inside, 1.0, bound / np.where(length > 0.0, length, 1.0))
     radial = np.where(is_inside, 1.0, np.where(normal_impulse > 0.0, friction**2 / (1.0 + friction**2), 0.0))
     derivatives[:, 1:, 1:] = across[:, None, None] * (np.eye(width - 1) - outer) + radial[:, None, None] * outer

@@ -89,7 +89,7 @@ def full_step(equations: Equations, solver: LinearSolver, impulses: FloatArray, 
 
 
 def search_line(
-    residual: Callable[[FloatArray], float], origin: FloatArray, before: float, goal: FloatArray, min_step: float
+    residual: Callable[[FloatArray], float], origin: FloatArray, old_residual: float, goal: FloatArray, min_step: float
 ) -> tuple[FloatArray, float]:
     """Return the first point on the way back from ``goal`` that reduces the residual enough, and its residual.
 
@@ -98,12 +98,12 @@ def search_line(
     Args:
         residual: Λ ↦ its residual.
         origin: Λ before the step [N s], shape (n_rows,).
-        before: the residual of ``origin``.
+        old_residual: the residual of ``origin``.
         goal: Λ after the full step, shape (n_rows,).
         min_step: smallest fraction of the step; 1 accepts the full step.
     """
     fraction, point, current = 1.0, goal, residual(goal)
-    while fraction > min_step and not current < (1.0 - SUFFICIENT_DECREASE * fraction) * before:
+    while fraction > min_step and not current < (1.0 - SUFFICIENT_DECREASE * fraction) * old_residual:
         fraction *= 0.5
         point = origin + fraction * (goal - origin)
         current = residual(point)
@@ -137,14 +137,14 @@ class NewtonMethod:
             goal = full_step(self._equations, self.solver, impulses, settings.damping)
             if goal is None:
                 break
-            before = current
-            impulses, current = search_line(self.residual, impulses, before, goal, settings.min_step)
+            old_residual = current
+            impulses, current = search_line(self.residual, impulses, old_residual, goal, settings.min_step)
             is_over = not may_continue(impulses)
             n_stale += 1
             is_new = current < lowest
             if is_new:
                 best, lowest, n_stale = impulses, current, 0
-            gains_little = is_new and current > settings.gain * before
+            gains_little = is_new and current > settings.gain * old_residual
             if is_over or lowest <= self._tolerance or gains_little:
                 break
             if n_stale >= settings.patience or not current <= DIVERGENCE * first:

@@ -52,9 +52,9 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
 def _rows_of(laws: Laws) -> tuple[IntArray, list[int]]:
     """Return the row of the problem for each row of Kamino, and the number of laws in its four groups."""
     slides = laws.kind == LawKind.SPATIAL_FRICTION
-    is_alone = laws.is_unilateral.copy()
-    is_alone[laws.partner[slides]] = False
-    masks = laws.is_bilateral, laws.kind == LawKind.PLANAR_FRICTION, is_alone
+    is_frictionless = laws.is_unilateral.copy()
+    is_frictionless[laws.partner[slides]] = False
+    masks = laws.is_bilateral, laws.kind == LawKind.PLANAR_FRICTION, is_frictionless
     groups = [laws.first_row[mask] for mask in masks]
     tangent, normal = laws.first_row[slides], laws.first_row[laws.partner[slides]]
     contacts = np.stack([tangent, tangent + 1, normal], axis=1)
@@ -145,13 +145,13 @@ class DualSolver:
 
     def _make_solver(self) -> Any:
         """Return Kamino's solver of one world of this size, which continues from its last solution."""
-        sizes = {
+        dimensions = {
             "max_total_cts": len(self._order),
             "max_inequalities": sum(self._groups[1:]),
             "max_contacts": self._groups[-1],
         }
         size = _kamino("core.size").SizeKamino(
-            num_worlds=1, **{f"{kind}_of_{name}": n for kind in ("sum", "max") for name, n in sizes.items()}
+            num_worlds=1, **{f"{kind}_of_{name}": n for kind in ("sum", "max") for name, n in dimensions.items()}
         )
         model = _kamino("core.model")
         kamino_model = model.ModelKamino(

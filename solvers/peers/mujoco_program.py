@@ -88,10 +88,14 @@ def program_of(problem: ContactProblem, impedance: float) -> ConeProgram:
 
     A captured step has the R of its engine. Otherwise, R = (1 − d)/d α with d = ``impedance``, between 0 and 1.
     """
-    return _of_problem(problem, impedance) if problem.engine is None else _of_engine(problem, problem.engine)
+    return (
+        _program_of_problem(problem, impedance)
+        if problem.engine is None
+        else _program_of_engine(problem, problem.engine)
+    )
 
 
-def _of_problem(problem: ContactProblem, impedance: float) -> ConeProgram:
+def _program_of_problem(problem: ContactProblem, impedance: float) -> ConeProgram:
     laws, mass = problem.laws, float(np.mean(problem.delassus_diagonal)) or 1.0
     speed = float(np.abs(problem.free_velocity).max(initial=0.0)) or 1.0
     unit = speed / mass
@@ -139,7 +143,7 @@ def _rows_of(laws: Any, bilateral: Any, bounded: Any, normal: Any, is_frictional
     return np.array(rows, dtype=np.int64)
 
 
-def _of_engine(problem: ContactProblem, engine: EngineModel) -> ConeProgram:
+def _program_of_engine(problem: ContactProblem, engine: EngineModel) -> ConeProgram:
     kinds = engine.kind.tolist()
     sets = sorted(range(len(kinds)), key=lambda index: min(kinds[index], EngineSet.HALF_LINE))
     ends = engine.first_row + engine.row_counts

@@ -124,12 +124,12 @@ def call_with_stack(call: Callable[[], Answer], n_contacts: int) -> Answer:
         except BaseException as error:
             errors.append(error)
 
-    before = threading.stack_size(STACK_BYTES + n_contacts * STACK_BYTES_OF_CONTACT)
+    previous_size = threading.stack_size(STACK_BYTES + n_contacts * STACK_BYTES_OF_CONTACT)
     try:
         thread = threading.Thread(target=run)
         thread.start()
     finally:
-        threading.stack_size(before)
+        threading.stack_size(previous_size)
     thread.join()
     if errors:
         raise errors[0]

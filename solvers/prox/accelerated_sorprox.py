@@ -30,8 +30,8 @@ class _AcceleratedSORprox(Method, ABC):
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G and the step sizes for ω = 1."""
-        sizes = diagonal_step_sizes(problem, 1.0)
-        sweep, weights = DelassusSweep.over(problem, sizes), lane_weights(problem.layout, sizes)
+        step_sizes = diagonal_step_sizes(problem, 1.0)
+        sweep, weights = DelassusSweep.over(problem, step_sizes), lane_weights(problem.layout, step_sizes)
 
         def begin(start: FloatArray) -> AcceleratedIterates:
             return self.accelerate(DelassusIterates(sweep, start), weights)

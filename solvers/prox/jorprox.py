@@ -13,7 +13,7 @@ from ..iteration.loop import PreparedIteration
 from ..iteration.method import Method
 from ..sweeps.delassus import DelassusSweep
 from ..sweeps.jacobi import JacobiIterates
-from ..sweeps.step_size import StepSize, check_options, row_sums_of_blocks, step_sizes
+from ..sweeps.step_size import StepSize, check_options, compute_step_sizes, row_sums_of_blocks
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class JORprox(Method):
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G and the step sizes."""
-        sizes = step_sizes(problem, self.step_size, self.relaxation, row_sums_of_blocks)
-        sweep = DelassusSweep.over(problem, sizes)
+        step_sizes = compute_step_sizes(problem, self.step_size, self.relaxation, row_sums_of_blocks)
+        sweep = DelassusSweep.over(problem, step_sizes)
         return PreparedIteration(problem, Residual(problem), partial(JacobiIterates, sweep))
 
 

@@ -18,7 +18,7 @@ from ..iteration.momentum import Momentum, begin_with_momentum, check_momentum
 from ..sweeps.batches.balls import BallSweep
 from ..sweeps.delassus import DelassusSweep
 from ..sweeps.factors import FactorSweep
-from ..sweeps.step_size import StepSize, check_options, row_sums_of_blocks, row_sums_of_factors, step_sizes
+from ..sweeps.step_size import StepSize, check_options, compute_step_sizes, row_sums_of_blocks, row_sums_of_factors
 
 
 @dataclass(frozen=True)
@@ -63,10 +63,10 @@ class SORprox(Method):
         self.check_supports(problem)
         sweep: DelassusSweep | FactorSweep | BallSweep
         if self.form == "factors":
-            sizes = step_sizes(problem, self.step_size, self.relaxation, row_sums_of_factors)
-            sweep = BallSweep.over(problem, sizes) or FactorSweep.over(problem, sizes)
+            step_sizes = compute_step_sizes(problem, self.step_size, self.relaxation, row_sums_of_factors)
+            sweep = BallSweep.over(problem, step_sizes) or FactorSweep.over(problem, step_sizes)
         else:
-            sizes = step_sizes(problem, self.step_size, self.relaxation, row_sums_of_blocks)
-            sweep = DelassusSweep.over(problem, sizes)
+            step_sizes = compute_step_sizes(problem, self.step_size, self.relaxation, row_sums_of_blocks)
+            sweep = DelassusSweep.over(problem, step_sizes)
         begin = begin_with_momentum(sweep.begin, self.momentum, self.momentum_delay)
         return PreparedIteration(problem, Residual(problem), begin)

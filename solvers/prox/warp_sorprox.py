@@ -1,4 +1,4 @@
-"""Projected iterations on a graphics processor, by kernels of Warp: two methods that differ in the order of contacts.
+"""Projected iterations on a GPU, with Warp kernels: two methods that differ in the order of contacts.
 
     WarpJORprox             all contacts from the same iterate
     WarpColouredSORprox     colour by colour, where contacts of one colour share no movable body
@@ -31,14 +31,18 @@ class PreparedOnDevice:
     sweep: DeviceSweep
 
     def solve(self, stop: Stop, start: FloatArray | None = None, observe: Observer | None = None) -> Solution:
-        """Sweep on the device until the residual reaches the tolerance; the message gives the time of transfers."""
-        before = self.sweep.transfer_seconds
+        """Sweep on the device until the residual reaches the tolerance.
+
+        The message of the solution reports the transfer times.
+        """
+        seconds_before = self.sweep.transfer_seconds
         solution = self.iteration.solve(stop, start, observe)
         self.synchronise()
-        iterates_ms = 1e3 * (self.sweep.transfer_seconds - before)
-        data_ms = 1e3 * self.sweep.upload_seconds
+        iterate_transfer_ms = 1e3 * (self.sweep.transfer_seconds - seconds_before)
+        data_transfer_ms = 1e3 * self.sweep.upload_seconds
         transfers = (
-            f"on {self.sweep.device}, transfers: {data_ms:.3g} ms for the data, {iterates_ms:.3g} ms for iterates"
+            f"on {self.sweep.device}, transfers: {data_transfer_ms:.3g} ms for the data, "
+            f"{iterate_transfer_ms:.3g} ms for iterates"
         )
         return replace(solution, message="; ".join(filter(None, [solution.message, transfers])))
 
@@ -49,7 +53,7 @@ class PreparedOnDevice:
 
 @dataclass(frozen=True)
 class DeviceMethod(Method, ABC):
-    """A projected iteration on a device of Warp."""
+    """A projected iteration on a Warp device."""
 
     relaxation: float = 1.0
     device: str = "cuda"
@@ -59,7 +63,7 @@ class DeviceMethod(Method, ABC):
         name = type(self).__name__
         check_installed(name, "warp", "gpu")
         if not isinstance(self.device, str):
-            raise SolverError(f"device must be the name of a device, 'cuda' or 'cpu', got {self.device!r}.")
+            raise SolverError(f"device must be a string such as 'cuda', 'cuda:1' or 'cpu', got {self.device!r}.")
         find_device(name, self.device)
 
     @property
@@ -69,7 +73,7 @@ class DeviceMethod(Method, ABC):
         return f"{type(self).__name__}({options}device={self.device!r})"
 
     @abstractmethod
-    def move_to_device(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> DeviceSweep:
+    def move_to_device(self, problem: ContactProblem, step_sizes: FloatArray, device: Any) -> DeviceSweep:
         """Return the sweep with its data on the device."""
 
     def supports(self, problem: ContactProblem) -> str | None:
@@ -86,33 +90,33 @@ class DeviceMethod(Method, ABC):
 
 @dataclass(frozen=True)
 class WarpJORprox(DeviceMethod):
-    """Projected Jacobi over-relaxation on a device of Warp, as ``JORprox``.
+    """Projected Jacobi over-relaxation on a Warp device, as ``JORprox``.
 
     Attributes:
         relaxation: ω; problems with many contacts need values well below 1.
-        device: "cuda" for the first graphics processor, "cuda:1" for another, or "cpu".
+        device: "cuda" for the first GPU, "cuda:1" for another, or "cpu".
 
     Raises:
         SolverError: if Warp is not installed, there is no such device, or ω is out of range.
     """
 
-    def move_to_device(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> DeviceSweep:
+    def move_to_device(self, problem: ContactProblem, step_sizes: FloatArray, device: Any) -> DeviceSweep:
         """Return Jacobi sweeps."""
-        return JacobiDeviceSweep(problem, sizes, device)
+        return JacobiDeviceSweep(problem, step_sizes, device)
 
 
 @dataclass(frozen=True)
 class WarpColouredSORprox(DeviceMethod):
-    """Projected Gauss–Seidel colour by colour on a device of Warp.
+    """Projected Gauss–Seidel colour by colour on a Warp device.
 
     Attributes:
         relaxation: ω, as in ``SORprox``.
-        device: "cuda" for the first graphics processor, "cuda:1" for another, or "cpu".
+        device: "cuda" for the first GPU, "cuda:1" for another, or "cpu".
 
     Raises:
         SolverError: if Warp is not installed, there is no such device, or ω is out of range.
     """
 
-    def move_to_device(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> DeviceSweep:
+    def move_to_device(self, problem: ContactProblem, step_sizes: FloatArray, device: Any) -> DeviceSweep:
         """Return sweeps by colour."""
-        return ColouredDeviceSweep(problem, sizes, device)
+        return ColouredDeviceSweep(problem, step_sizes, device)

@@ -46,12 +46,12 @@ class AnyLawArrays(NamedTuple):
     sliding: int
 
     @staticmethod
-    def of(layout: BlockLayout, sizes: FloatArray) -> "AnyLawArrays":
+    def of(layout: BlockLayout, step_sizes: FloatArray) -> "AnyLawArrays":
         """Return the laws of ``layout`` with step sizes [kg] of shape (n_blocks, 3)."""
         lower_bound = np.where(layout.is_bilateral, -np.inf, 0.0)
         partner_lanes = (layout.width * layout.partner).astype(np.int64)
         return AnyLawArrays(
-            sizes.reshape(-1),
+            step_sizes.reshape(-1),
             layout.friction_coefficient,
             layout.fixed_bound,
             partner_lanes,
@@ -64,11 +64,11 @@ class AnyLawArrays(NamedTuple):
 
 
 @njit(cache=True, inline="always")
-def velocity_of_block(i, n_skipped, n_lanes, starts, lanes, values, free, impulses, xi):  # type: ignore[no-untyped-def]
+def write_velocity_of_block(i, n_skipped, n_lanes, starts, lanes, values, free_velocity, impulses, xi):  # type: ignore[no-untyped-def]
     """Write ξ of the lanes of block i from G in block rows, without the first ``n_skipped`` stored blocks."""
     width = uint64(n_lanes)
     for lane in range(width):
-        xi[lane] = free[width * uint64(i) + lane]
+        xi[lane] = free_velocity[width * uint64(i) + lane]
     for p in range(uint64(starts[i]) + uint64(n_skipped), uint64(starts[i + 1])):
         j = uint64(lanes[p])
         for lane in range(width):
@@ -79,7 +79,7 @@ def velocity_of_block(i, n_skipped, n_lanes, starts, lanes, values, free, impuls
 
 
 @njit(cache=True, error_model="numpy")
-def into_ball(size, bound, begin, xi, impulses, change):  # type: ignore[no-untyped-def]
+def project_into_ball(size, bound, begin, xi, impulses, change):  # type: ignore[no-untyped-def]
     """Move the impulses of the lanes from ``begin`` on by −size ξ, project them onto a ball, and write their change."""
     squared = 0.0
     for k in range(len(impulses)):
@@ -99,10 +99,10 @@ def sweep_delassus(  # type: ignore[no-untyped-def]
     starts,
     lanes,
     values,
-    free,
-    sizes,
+    free_velocity,
+    step_sizes,
     friction,
-    fixed,
+    fixed_bound,
     partner,
     lower,
     mu_r,
@@ -118,67 +118,86 @@ def sweep_delassus(  # type: ignore[no-untyped-def]
     for _ in range(count):
         for i in range(len(friction)):
             k, block_start = width * i, width * width * np.int64(starts[i])
-            velocity_of_block(i, 0, width, starts, lanes, values, free, impulses, xi)
-            new = max(impulses[k] - sizes[3 * i] * xi[0], lower[i])
+            write_velocity_of_block(i, 0, width, starts, lanes, values, free_velocity, impulses, xi)
+            new = max(impulses[k] - step_sizes[3 * i] * xi[0], lower[i])
             change[0], impulses[k] = new - impulses[k], new
             if sliding > 0:
                 for lane in range(1, first_rolling):
                     xi[lane] += values[block_start + width * lane] * change[0]
-                bound = fixed[i] + friction[i] * impulses[partner[i]]
-                into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
+                bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
+                project_into_ball(step_sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
             if first_rolling < width:
                 for lane in range(first_rolling, width):
                     for other in range(first_rolling):
                         xi[lane] += values[block_start + width * lane + other] * change[other]
                 bound = a_r[i] + mu_r[i] * new
-                into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
+                project_into_ball(
+                    step_sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change
+                )
 
 
 @njit(cache=True)
 def project_all(  # type: ignore[no-untyped-def]
-    sizes, friction, fixed, partner, lower, mu_r, a_r, width, sliding, velocity, impulses
+    step_sizes, friction, fixed_bound, partner, lower, mu_r, a_r, width, sliding, velocity, impulses
 ):
     """Move Λ along −r ξ and project: all normal impulses, then all friction impulses."""
     change = np.empty(width)
     first_rolling = 1 + sliding
     for i in range(len(friction)):
-        impulses[width * i] = max(impulses[width * i] - sizes[3 * i] * velocity[width * i], lower[i])
+        impulses[width * i] = max(impulses[width * i] - step_sizes[3 * i] * velocity[width * i], lower[i])
     for i in range(len(friction)):
         k = width * i
         xi = velocity[k : k + width]
-        bound = fixed[i] + friction[i] * impulses[partner[i]]
-        into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
+        bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
+        project_into_ball(step_sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
         bound = a_r[i] + mu_r[i] * impulses[k]
-        into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
+        project_into_ball(
+            step_sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change
+        )
 
 
 @njit(cache=True)
-def _velocity_of_lanes(first, last, begin, end, chunks, pieces, scaled, free, xi):  # type: ignore[no-untyped-def]
+def _write_velocity_of_lanes(first_piece, last_piece, begin, end, chunks, pieces, scaled_velocity, free_velocity, xi):  # type: ignore[no-untyped-def]
     """Write ξ of the lanes ``first`` to ``last`` − 1 of a block, whose pieces are ``begin`` to ``end`` − 1."""
     length = pieces.shape[2]
-    for lane in range(first, last):
-        total = free[lane]
+    for lane in range(first_piece, last_piece):
+        total = free_velocity[lane]
         for p in range(begin, end):
             chunk = length * np.int64(chunks[p])
             for a in range(length):
-                total += pieces[p, lane, a] * scaled[chunk + a]
+                total += pieces[p, lane, a] * scaled_velocity[chunk + a]
         xi[lane] = total
 
 
 @njit(cache=True)
-def _push(first, last, begin, end, chunks, pieces, change, scaled):  # type: ignore[no-untyped-def]
+def _push(first_piece, last_piece, begin, end, chunks, pieces, change, scaled_velocity):  # type: ignore[no-untyped-def]
     """Add W̃ ΔΛ of these lanes to v."""
     length = pieces.shape[2]
-    for lane in range(first, last):
+    for lane in range(first_piece, last_piece):
         for p in range(begin, end):
             chunk = length * np.int64(chunks[p])
             for a in range(length):
-                scaled[chunk + a] += pieces[p, lane, a] * change[lane]
+                scaled_velocity[chunk + a] += pieces[p, lane, a] * change[lane]
 
 
 @njit(cache=True)
 def sweep_factors(  # type: ignore[no-untyped-def]
-    count, starts, chunks, pieces, free, sizes, friction, fixed, partner, lower, mu_r, a_r, width, sliding, impulses, v
+    count,
+    starts,
+    chunks,
+    pieces,
+    free_velocity,
+    step_sizes,
+    friction,
+    fixed_bound,
+    partner,
+    lower,
+    mu_r,
+    a_r,
+    width,
+    sliding,
+    impulses,
+    v,
 ):
     """Do ``count`` Gauss–Seidel sweeps over the pieces of W̃, and update v = W̃ Λ after each law."""
     xi, change = np.empty(width), np.empty(width)
@@ -186,18 +205,20 @@ def sweep_factors(  # type: ignore[no-untyped-def]
     for _ in range(count):
         for i in range(len(friction)):
             k, begin, end = width * i, np.int64(starts[i]), np.int64(starts[i + 1])
-            block_free = free[k : k + width]
-            _velocity_of_lanes(0, 1, begin, end, chunks, pieces, v, block_free, xi)
-            new = max(impulses[k] - sizes[3 * i] * xi[0], lower[i])
+            block_free_velocity = free_velocity[k : k + width]
+            _write_velocity_of_lanes(0, 1, begin, end, chunks, pieces, v, block_free_velocity, xi)
+            new = max(impulses[k] - step_sizes[3 * i] * xi[0], lower[i])
             change[0], impulses[k] = new - impulses[k], new
             _push(0, 1, begin, end, chunks, pieces, change, v)
             if sliding > 0:
-                _velocity_of_lanes(1, first_rolling, begin, end, chunks, pieces, v, block_free, xi)
-                bound = fixed[i] + friction[i] * impulses[partner[i]]
-                into_ball(sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
+                _write_velocity_of_lanes(1, first_rolling, begin, end, chunks, pieces, v, block_free_velocity, xi)
+                bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
+                project_into_ball(step_sizes[3 * i + 1], bound, 1, xi, impulses[k + 1 : k + first_rolling], change)
                 _push(1, first_rolling, begin, end, chunks, pieces, change, v)
             if first_rolling < width:
-                _velocity_of_lanes(first_rolling, width, begin, end, chunks, pieces, v, block_free, xi)
+                _write_velocity_of_lanes(first_rolling, width, begin, end, chunks, pieces, v, block_free_velocity, xi)
                 bound = a_r[i] + mu_r[i] * new
-                into_ball(sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change)
+                project_into_ball(
+                    step_sizes[3 * i + 2], bound, first_rolling, xi, impulses[k + first_rolling : k + width], change
+                )
                 _push(first_rolling, width, begin, end, chunks, pieces, change, v)

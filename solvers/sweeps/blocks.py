@@ -16,7 +16,7 @@ from ...problems.arrays import FloatArray
 from ...problems.compilation.interpretation import count_numbers, interpretable
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.problem import ContactProblem
-from .any_laws import AnyLawArrays, into_ball, velocity_of_block
+from .any_laws import AnyLawArrays, project_into_ball, write_velocity_of_block
 from .delassus import DelassusState, FlatDelassus, LawArrays, planar_velocity, spatial_velocity
 from .one_contact import disc_scale, solve_frictionless, solve_planar, solve_spatial, solve_usual_spatial
 from .rolling_contact import solve_rolling
@@ -120,9 +120,9 @@ _interpretable = partial(interpretable, count=_count_swept_numbers)
 
 
 @njit(cache=True, inline="always")
-def _split_bound(i, own, friction, fixed, partner, impulses):  # type: ignore[no-untyped-def]
+def _split_bound(i, own, friction, fixed_bound, partner, impulses):  # type: ignore[no-untyped-def]
     """Return the friction bound a + μ Λ_N of block i as (μ, a); μ is 0 unless Λ_N is its own, in lane ``own``."""
-    mu, bound = friction[i], fixed[i]
+    mu, bound = friction[i], fixed_bound[i]
     if partner[i] != own:
         mu, bound = 0.0, bound + mu * impulses[partner[i]]
     return mu, bound
@@ -131,14 +131,14 @@ def _split_bound(i, own, friction, fixed, partner, impulses):  # type: ignore[no
 @_interpretable
 @njit(cache=True, error_model="numpy")
 def solve_frictionless_blocks(  # type: ignore[no-untyped-def]
-    count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
+    count, relaxation, starts, lanes, values, free_velocity, friction, fixed_bound, partner, impulses
 ):
     """Sweep ``count`` times over frictionless contacts."""
     one = uint64(1)
     for _ in range(count):
         for i in range(uint64(len(friction))):
             own, old = values[starts[i]], impulses[i]
-            normal = free[i] - own * old
+            normal = free_velocity[i] - own * old
             for p in range(starts[i], starts[i + one]):
                 normal += values[p] * impulses[uint64(lanes[p])]
             impulses[i] = max(old + relaxation[i] * (solve_frictionless(own, normal) - old), 0.0)
@@ -147,17 +147,17 @@ def solve_frictionless_blocks(  # type: ignore[no-untyped-def]
 @_interpretable
 @njit(cache=True, error_model="numpy")
 def solve_planar_blocks(  # type: ignore[no-untyped-def]
-    count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
+    count, relaxation, starts, lanes, values, free_velocity, friction, fixed_bound, partner, impulses
 ):
     """Sweep ``count`` times over planar contacts."""
     one, two, three, four = uint64(1), uint64(2), uint64(3), uint64(4)
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k, own = two * i, four * starts[i]
-            normal, tangent = planar_velocity(i, 1, starts, lanes, values, free, impulses)
+            normal, tangent = planar_velocity(i, 1, starts, lanes, values, free_velocity, impulses)
             nn, nt, tn, tt = values[own], values[own + one], values[own + two], values[own + three]
             old_n, old_t = impulses[k], impulses[k + one]
-            mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
+            mu, bound = _split_bound(i, k, friction, fixed_bound, partner, impulses)
             n, t = solve_planar(nn, nt, tn, tt, normal, tangent, mu, bound, old_n, old_t)
             if relaxation[i] != 1.0:
                 n = max(old_n + relaxation[i] * (n - old_n), 0.0)
@@ -169,66 +169,80 @@ def solve_planar_blocks(  # type: ignore[no-untyped-def]
 @_interpretable
 @njit(cache=True, error_model="numpy")
 def solve_usual_spatial_blocks(  # type: ignore[no-untyped-def]
-    count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
+    count, relaxation, starts, lanes, values, free_velocity, friction, fixed_bound, partner, impulses
 ):
     """Sweep until ``solve_usual_spatial`` cannot solve a contact; return the number of contacts visited before it."""
     one, two, three, nine = uint64(1), uint64(2), uint64(3), uint64(9)
     for done in range(count):
         for i in range(uint64(len(friction))):
             k, own = three * i, nine * starts[i]
-            normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free, impulses)
-            mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
-            old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+            normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free_velocity, impulses)
+            mu, bound = _split_bound(i, k, friction, fixed_bound, partner, impulses)
+            old_n, old_t1, old_t2 = impulses[k], impulses[k + one], impulses[k + two]
             block = values[own : own + nine]
-            n, t, s, is_usual = solve_usual_spatial(block, normal, first, second, mu, bound, old_n, old_t, old_s)
+            n, t1, t2, is_usual = solve_usual_spatial(block, normal, first, second, mu, bound, old_n, old_t1, old_t2)
             if not is_usual:
                 return done * len(friction) + np.int64(i)
-            _move_spatial(k, relaxation[i], mu, bound, n, t, s, impulses)
+            _move_spatial(k, relaxation[i], mu, bound, n, t1, t2, impulses)
     return count * len(friction)
 
 
 @njit(cache=True, error_model="numpy")
 def solve_other_spatial_blocks(  # type: ignore[no-untyped-def]
-    begin, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
+    begin, relaxation, starts, lanes, values, free_velocity, friction, fixed_bound, partner, impulses
 ):
     """Solve the contacts of one sweep from contact ``begin`` on, in any state."""
     one, two, three, nine = uint64(1), uint64(2), uint64(3), uint64(9)
     work = np.empty(WORKSPACE_SIZE)
     for i in range(uint64(begin), uint64(len(friction))):
         k, own = three * i, nine * starts[i]
-        normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free, impulses)
-        mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
-        old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+        normal, first, second = spatial_velocity(i, 1, starts, lanes, values, free_velocity, impulses)
+        mu, bound = _split_bound(i, k, friction, fixed_bound, partner, impulses)
+        old_n, old_t1, old_t2 = impulses[k], impulses[k + one], impulses[k + two]
         block = values[own : own + nine]
-        n, t, s = solve_spatial(block, normal, first, second, mu, bound, old_n, old_t, old_s, work)
-        _move_spatial(k, relaxation[i], mu, bound, n, t, s, impulses)
+        n, t1, t2 = solve_spatial(block, normal, first, second, mu, bound, old_n, old_t1, old_t2, work)
+        _move_spatial(k, relaxation[i], mu, bound, n, t1, t2, impulses)
 
 
 @njit(cache=True, inline="always")
-def _move_spatial(k, relaxation, mu, bound, n, t, s, impulses):  # type: ignore[no-untyped-def]
-    """Move the impulse in lanes k to k + 2 by the fraction ``relaxation`` to (n, t, s), and project onto its cone."""
+def _move_spatial(k, relaxation, mu, bound, n, t1, t2, impulses):  # type: ignore[no-untyped-def]
+    """Move the impulse in lanes k to k + 2 by the fraction ``relaxation`` to (n, t1, t2), and project onto its cone."""
     one, two = uint64(1), uint64(2)
     if relaxation != 1.0:
-        old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
+        old_n, old_t1, old_t2 = impulses[k], impulses[k + one], impulses[k + two]
         n = max(old_n + relaxation * (n - old_n), 0.0)
         bound += mu * n
-        t, s = old_t + relaxation * (t - old_t), old_s + relaxation * (s - old_s)
-        scale = disc_scale(t, s, bound)
-        t *= scale
-        s *= scale
-    impulses[k], impulses[k + one], impulses[k + two] = n, t, s
+        t1, t2 = old_t1 + relaxation * (t1 - old_t1), old_t2 + relaxation * (t2 - old_t2)
+        scale = disc_scale(t1, t2, bound)
+        t1 *= scale
+        t2 *= scale
+    impulses[k], impulses[k + one], impulses[k + two] = n, t1, t2
 
 
 @njit(cache=True, error_model="numpy")
 def _sweep_any(  # type: ignore[no-untyped-def]
-    count, relaxation, starts, lanes, values, free, friction, fixed, partner, lower, mu_r, a_r, width, sliding, impulses
+    count,
+    relaxation,
+    starts,
+    lanes,
+    values,
+    free_velocity,
+    friction,
+    fixed_bound,
+    partner,
+    lower,
+    mu_r,
+    a_r,
+    width,
+    sliding,
+    impulses,
 ):
     """Sweep over joints, row by row, and contacts with and without rolling friction."""
     xi, old, block, work = np.empty(width), np.empty(width), np.empty((width, width)), np.empty(WORKSPACE_SIZE)
     for _ in range(count):
         for i in range(len(friction)):
             k, own = width * i, width * width * np.int64(starts[i])
-            velocity_of_block(i, 1, width, starts, lanes, values, free, impulses, xi)
+            write_velocity_of_block(i, 1, width, starts, lanes, values, free_velocity, impulses, xi)
             block_impulses = impulses[k : k + width]
             old[:] = block_impulses
             if lower[i] < 0.0:
@@ -237,7 +251,7 @@ def _sweep_any(  # type: ignore[no-untyped-def]
                 continue
             for row in range(width):
                 block[row] = values[own + width * row : own + width * (row + 1)]
-            mu, bound = _split_bound(i, k, friction, fixed, partner, impulses)
+            mu, bound = _split_bound(i, k, friction, fixed_bound, partner, impulses)
             if mu_r[i] > 0.0 or a_r[i] > 0.0:
                 solve_rolling(block, xi, sliding, mu, bound, mu_r[i], a_r[i], block_impulses)
             else:
@@ -265,12 +279,14 @@ def _solve_without_rolling(block, xi, sliding, friction, bound, block_impulses, 
 
 
 @njit(cache=True, error_model="numpy")
-def _relax(relaxation, sliding, friction, fixed, rolling, rolling_fixed, old, block_impulses):  # type: ignore[no-untyped-def]
+def _relax(relaxation, sliding, friction, fixed_bound, rolling_coefficient, rolling_bound, old, block_impulses):  # type: ignore[no-untyped-def]
     """Move Λ from ``old`` by the fraction ``relaxation`` to ``block_impulses``, and project onto its bounds."""
     for k in range(len(block_impulses)):
         block_impulses[k] = old[k] + relaxation * (block_impulses[k] - old[k])
     block_impulses[0] = max(block_impulses[0], 0.0)
     first = 1 + sliding
     zeros = np.zeros(len(block_impulses))
-    into_ball(0.0, fixed + friction * block_impulses[0], 1, zeros, block_impulses[1:first], zeros)
-    into_ball(0.0, rolling_fixed + rolling * block_impulses[0], first, zeros, block_impulses[first:], zeros)
+    project_into_ball(0.0, fixed_bound + friction * block_impulses[0], 1, zeros, block_impulses[1:first], zeros)
+    project_into_ball(
+        0.0, rolling_bound + rolling_coefficient * block_impulses[0], first, zeros, block_impulses[first:], zeros
+    )

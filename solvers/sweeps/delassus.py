@@ -35,13 +35,13 @@ class DelassusArrays(NamedTuple):
         starts: first stored block of each block row.
         lanes: first lane of the column of each stored block.
         values: the stored blocks, flat [1/kg].
-        free: c, padded and flat [m/s].
+        free_velocity: c, padded and flat [m/s].
     """
 
     starts: Any
     lanes: Any
     values: FloatArray
-    free: FloatArray
+    free_velocity: FloatArray
 
 
 class LawArrays(NamedTuple):
@@ -60,10 +60,10 @@ class LawArrays(NamedTuple):
     partner_lanes: Any
 
     @staticmethod
-    def of(layout: BlockLayout, sizes: FloatArray) -> "LawArrays":
+    def of(layout: BlockLayout, step_sizes: FloatArray) -> "LawArrays":
         """Return the laws of ``layout`` with step sizes as in ``step_size``."""
         partner_lanes = (layout.width * layout.partner).view(np.uint64)
-        return LawArrays(sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound, partner_lanes)
+        return LawArrays(step_sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound, partner_lanes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +88,8 @@ class FlatDelassus:
         layout, blocks = problem.layout, problem.delassus_blocks()
         with named_allocation(memory_purpose(layout.n_blocks), REMEDY):
             lanes = (layout.width * blocks.columns).view(np.uint32)
-        free = layout.pad(problem.free_velocity).reshape(-1)
-        arrays = DelassusArrays(blocks.starts.view(np.uint64), lanes, blocks.values.reshape(-1), free)
+        free_velocity = layout.pad(problem.free_velocity).reshape(-1)
+        arrays = DelassusArrays(blocks.starts.view(np.uint64), lanes, blocks.values.reshape(-1), free_velocity)
         return FlatDelassus(layout, arrays)
 
 
@@ -130,11 +130,11 @@ class DelassusSweep:
     laws: LawArrays | AnyLawArrays
 
     @staticmethod
-    def over(problem: ContactProblem, sizes: FloatArray) -> "DelassusSweep":
+    def over(problem: ContactProblem, step_sizes: FloatArray) -> "DelassusSweep":
         """Return the sweep of ``problem`` with step sizes as in ``step_size``."""
         layout = problem.layout
         kind = LawArrays if layout.has_contacts_only else AnyLawArrays
-        return DelassusSweep(FlatDelassus.of(problem), kind.of(layout, sizes))
+        return DelassusSweep(FlatDelassus.of(problem), kind.of(layout, step_sizes))
 
     def begin(self, start: FloatArray, momentum: float = 0.0, delay: float = 0.0) -> Iterates:
         """Return the iterates that begin at ``start``, shape (n_rows,); see ``MomentumState``."""
@@ -164,8 +164,8 @@ class DelassusIterates(DelassusState):
 
     def scale_steps(self, fraction: FloatArray) -> None:
         """Set the step sizes of each block to this fraction of the initial ones, shape (n_blocks,)."""
-        scaled = (self.step_sizes * fraction[:, None]).reshape(-1)
-        self._arguments = (*self._delassus.arrays, scaled, *self._laws[1:], self.padded)
+        scaled_step_sizes = (self.step_sizes * fraction[:, None]).reshape(-1)
+        self._arguments = (*self._delassus.arrays, scaled_step_sizes, *self._laws[1:], self.padded)
 
     def linear_state(self) -> tuple[FloatArray, int]:
         """Return Λ and its length; see ``LinearIterates``."""
@@ -173,10 +173,10 @@ class DelassusIterates(DelassusState):
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def planar_velocity(i, n_skipped, starts, lanes, values, free, impulses):  # type: ignore[no-untyped-def]
+def planar_velocity(i, n_skipped, starts, lanes, values, free_velocity, impulses):  # type: ignore[no-untyped-def]
     """Return ξ_N, ξ_T of block i without the first ``n_skipped`` of its stored blocks."""
     one, two, three, four = uint64(1), uint64(2), uint64(3), uint64(4)
-    normal, tangent = free[two * i], free[two * i + one]
+    normal, tangent = free_velocity[two * i], free_velocity[two * i + one]
     for p in range(starts[i] + uint64(n_skipped), starts[i + one]):
         j, v = uint64(lanes[p]), four * p
         n, t = impulses[j], impulses[j + one]
@@ -186,10 +186,10 @@ def planar_velocity(i, n_skipped, starts, lanes, values, free, impulses):  # typ
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def spatial_velocity(i, n_skipped, starts, lanes, values, free, impulses):  # type: ignore[no-untyped-def]
+def spatial_velocity(i, n_skipped, starts, lanes, values, free_velocity, impulses):  # type: ignore[no-untyped-def]
     """Return ξ_N, ξ_T1, ξ_T2 of block i without the first ``n_skipped`` of its stored blocks."""
     one, two, three = uint64(1), uint64(2), uint64(3)
-    normal, tangent, other = free[three * i], free[three * i + one], free[three * i + two]
+    normal, tangent, other = free_velocity[three * i], free_velocity[three * i + one], free_velocity[three * i + two]
     for p in range(starts[i] + uint64(n_skipped), starts[i + one]):
         j, v = uint64(lanes[p]), uint64(9) * p
         n, t, s = impulses[j], impulses[j + one], impulses[j + two]
@@ -201,12 +201,12 @@ def spatial_velocity(i, n_skipped, starts, lanes, values, free, impulses):  # ty
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def write_velocity(width, starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
+def write_velocity(width, starts, lanes, values, free_velocity, impulses, velocity):  # type: ignore[no-untyped-def]
     """Write ξ = GΛ + c of blocks of any width."""
     one, width = uint64(1), uint64(width)
     for i in range(uint64(len(starts) - 1)):
         for lane in range(width):
-            total = free[width * i + lane]
+            total = free_velocity[width * i + lane]
             for p in range(starts[i], starts[i + one]):
                 j, v = uint64(lanes[p]), (width * p + lane) * width
                 for other in range(width):
@@ -216,65 +216,65 @@ def write_velocity(width, starts, lanes, values, free, impulses, velocity):  # t
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def write_spatial_velocity(starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
+def write_spatial_velocity(starts, lanes, values, free_velocity, impulses, velocity):  # type: ignore[no-untyped-def]
     """Write ξ = GΛ + c of spatial contacts."""
     one, two, three = uint64(1), uint64(2), uint64(3)
     for i in range(uint64(len(starts) - 1)):
-        normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free, impulses)
+        normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free_velocity, impulses)
         velocity[three * i], velocity[three * i + one], velocity[three * i + two] = normal, first, second
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_frictionless(  # type: ignore[no-untyped-def]
-    count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
+    count, starts, lanes, values, free_velocity, step_sizes, friction, fixed_bound, partner, impulses
 ):
     """Sweep ``count`` times over contacts without friction."""
     one, two = uint64(1), uint64(2)
     for _ in range(count):
         for i in range(uint64(len(friction))):
-            normal = free[i]
+            normal = free_velocity[i]
             for p in range(starts[i], starts[i + one]):
                 normal += values[p] * impulses[uint64(lanes[p])]
-            impulses[i] = max(impulses[i] - sizes[two * i] * normal, 0.0)
+            impulses[i] = max(impulses[i] - step_sizes[two * i] * normal, 0.0)
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_planar(  # type: ignore[no-untyped-def]
-    count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
+    count, starts, lanes, values, free_velocity, step_sizes, friction, fixed_bound, partner, impulses
 ):
     """Sweep ``count`` times over planar contacts."""
     one, two, four = uint64(1), uint64(2), uint64(4)
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k = two * i
-            normal, tangent = planar_velocity(i, 0, starts, lanes, values, free, impulses)
+            normal, tangent = planar_velocity(i, 0, starts, lanes, values, free_velocity, impulses)
             old = impulses[k]
-            new = max(old - sizes[k] * normal, 0.0)
+            new = max(old - step_sizes[k] * normal, 0.0)
             impulses[k] = new
             tangent += values[four * starts[i] + two] * (new - old)
-            bound = fixed[i] + friction[i] * impulses[partner[i]]
-            impulses[k + one] = min(max(impulses[k + one] - sizes[k + one] * tangent, -bound), bound)
+            bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
+            impulses[k + one] = min(max(impulses[k + one] - step_sizes[k + one] * tangent, -bound), bound)
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_spatial(  # type: ignore[no-untyped-def]
-    count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
+    count, starts, lanes, values, free_velocity, step_sizes, friction, fixed_bound, partner, impulses
 ):
     """Sweep ``count`` times over spatial contacts."""
     one, two, three = uint64(1), uint64(2), uint64(3)
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k = three * i
-            normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free, impulses)
+            normal, first, second = spatial_velocity(i, 0, starts, lanes, values, free_velocity, impulses)
             block_start = uint64(9) * starts[i]
             old = impulses[k]
-            new = max(old - sizes[two * i] * normal, 0.0)
+            new = max(old - step_sizes[two * i] * normal, 0.0)
             impulses[k] = new
             first += values[block_start + three] * (new - old)
             second += values[block_start + uint64(6)] * (new - old)
-            bound = fixed[i] + friction[i] * impulses[partner[i]]
-            x = impulses[k + one] - sizes[two * i + one] * first
-            y = impulses[k + two] - sizes[two * i + one] * second
+            bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
+            x = impulses[k + one] - step_sizes[two * i + one] * first
+            y = impulses[k + two] - step_sizes[two * i + one] * second
             scale = disc_scale(x, y, bound)
             impulses[k + one] = x * scale
             impulses[k + two] = y * scale

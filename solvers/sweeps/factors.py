@@ -39,7 +39,7 @@ class FactorSweep:
         arguments: constant arguments of the kernel.
         product: writes ξ from v; its arguments are ``factor``, c, v and ξ.
         factor: W̃ as the product reads it.
-        free: c, padded and flat.
+        free_velocity: c, padded and flat.
         slots: position of each entry of padded Λ in the kernel's order, None if the order is the same.
         n_impulses: length of Λ in the kernel's order.
     """
@@ -50,43 +50,55 @@ class FactorSweep:
     arguments: tuple[Any, ...]
     product: Callable[..., None]
     factor: tuple[Any, ...]
-    free: FloatArray
+    free_velocity: FloatArray
     slots: IntArray | None
     n_impulses: int
 
     @staticmethod
-    def over(problem: ContactProblem, sizes: FloatArray) -> "FactorSweep":
+    def over(problem: ContactProblem, step_sizes: FloatArray) -> "FactorSweep":
         """Return the sweep of ``problem``, which holds factors, with step sizes as in ``step_size``.
 
         Specialised kernels sweep over spatial contacts of two bodies, or of a body and the ground, in batches if few
         lanes stay empty.
         """
         layout, pieces = problem.layout, problem.factor_pieces()
-        free = layout.pad(problem.free_velocity).reshape(-1)
+        free_velocity = layout.pad(problem.free_velocity).reshape(-1)
         if not layout.has_contacts_only:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
             arguments: tuple[Any, ...] = (
                 pieces.starts,
                 pieces.chunks,
                 pieces.values,
-                free,
-                *AnyLawArrays.of(layout, sizes),
+                free_velocity,
+                *AnyLawArrays.of(layout, step_sizes),
             )
-            return FactorSweep(layout, pieces, sweep_factors, arguments, _product, factor, free, None, len(free))
-        laws = LawArrays.of(layout, sizes)
+            return FactorSweep(
+                layout,
+                pieces,
+                sweep_factors,
+                arguments,
+                _write_product,
+                factor,
+                free_velocity,
+                None,
+                len(free_velocity),
+            )
+        laws = LawArrays.of(layout, step_sizes)
         coupling = own_coupling(pieces.starts, pieces.values).reshape(-1)
         if layout.width != 3 or not pieces.in_pairs:
             factor = (layout.width, pieces.starts.astype(np.uint64), pieces.chunks.astype(np.uint64), pieces.values)
-            arguments = (*factor, free, *laws, coupling)
-            return FactorSweep(layout, pieces, _sweep, arguments, _product, factor, free, None, len(free))
-        product = (_product_spatial_pairs, _pairs(pieces), free)
+            arguments = (*factor, free_velocity, *laws, coupling)
+            return FactorSweep(
+                layout, pieces, _sweep, arguments, _write_product, factor, free_velocity, None, len(free_velocity)
+            )
+        product = (_write_product_of_spatial_pairs, _pairs(pieces), free_velocity)
         batches = assign_batches(pieces)
         n_lanes = LANES * batches.n_batches
-        if len(batches.places) < MIN_FILL * n_lanes or not layout.bounds_are_own:
-            arguments = (*_pairs(pieces), free, *laws, coupling)
-            return FactorSweep(layout, pieces, _sweep_spatial_pairs, arguments, *product, None, len(free))
-        arguments = batch_arguments(pieces, batches, free, laws[:3], coupling)
-        slots, n_impulses = slots_in_batches(batches.places), 3 * n_lanes
+        if len(batches.positions) < MIN_FILL * n_lanes or not layout.bounds_are_own:
+            arguments = (*_pairs(pieces), free_velocity, *laws, coupling)
+            return FactorSweep(layout, pieces, _sweep_spatial_pairs, arguments, *product, None, len(free_velocity))
+        arguments = batch_arguments(pieces, batches, free_velocity, laws[:3], coupling)
+        slots, n_impulses = slots_in_batches(batches.positions), 3 * n_lanes
         return FactorSweep(layout, pieces, sweep_batches, arguments, *product, slots, n_impulses)
 
     def begin(self, start: FloatArray, momentum: float = 0.0, delay: float = 0.0) -> Iterates:
@@ -104,16 +116,16 @@ class FactorIterates:
         self._sweep = sweep
         layout, pieces = sweep.layout, sweep.pieces
         padded = layout.pad(start).reshape(-1)
-        self._relative = np.empty_like(padded)
+        self._relative_velocity = np.empty_like(padded)
         idle_length = pieces.length
         self._state = np.zeros(sweep.n_impulses + pieces.n_chunks * pieces.length + idle_length)
-        self._impulses, self._scaled = self._state[: sweep.n_impulses], self._state[sweep.n_impulses :]
+        self._impulses, self._scaled_velocity = self._state[: sweep.n_impulses], self._state[sweep.n_impulses :]
         self._impulses[slice(None) if sweep.slots is None else sweep.slots] = padded
-        self._scaled[:-idle_length] = pieces.times(padded)
+        self._scaled_velocity[:-idle_length] = pieces.times(padded)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        self._sweep.kernel(count, *self._sweep.arguments, self._impulses, self._scaled)
+        self._sweep.kernel(count, *self._sweep.arguments, self._impulses, self._scaled_velocity)
 
     def linear_state(self) -> tuple[FloatArray, int]:
         """Return Λ followed by v, and the length of Λ; see ``LinearIterates``."""
@@ -126,9 +138,9 @@ class FactorIterates:
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
-        data = self._sweep
-        data.product(*data.factor, data.free, self._scaled, self._relative)
-        return data.layout.rows_of(self._relative)
+        sweep = self._sweep
+        sweep.product(*sweep.factor, sweep.free_velocity, self._scaled_velocity, self._relative_velocity)
+        return sweep.layout.rows_of(self._relative_velocity)
 
 
 class AnyLawIterates(FactorIterates):
@@ -141,7 +153,7 @@ class AnyLawIterates(FactorIterates):
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         pieces = self._sweep.pieces
-        self._scaled[: -pieces.length] = pieces.times(self._impulses)
+        self._scaled_velocity[: -pieces.length] = pieces.times(self._impulses)
         return super().relative_velocity()
 
 
@@ -152,13 +164,13 @@ class BatchIterates(FactorIterates, MomentumState):
         FactorIterates.__init__(self, sweep, start)
         MomentumState.__init__(self, momentum, delay)
         self._change = np.zeros_like(self._impulses)
-        self._before = self._scaled.copy() if momentum > 0.0 else self._scaled
+        self._previous_velocity = self._scaled_velocity.copy() if momentum > 0.0 else self._scaled_velocity
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        arrays = (self._impulses, self._scaled, self._change, self._before)
-        data, momentum = self._sweep, (self._momentum, self._delay, self._sweeps)
-        self._beta = data.kernel(count, *data.arguments, *arrays, *momentum, self._beta)
+        arrays = (self._impulses, self._scaled_velocity, self._change, self._previous_velocity)
+        sweep, momentum = self._sweep, (self._momentum, self._delay, self._sweeps)
+        self._beta = sweep.kernel(count, *sweep.arguments, *arrays, *momentum, self._beta)
         self._sweeps += count
 
 
@@ -167,8 +179,8 @@ def _pairs(pieces: Pieces) -> tuple[Any, Any, FloatArray]:
 
     The axes are a tuple of known length, so that the compiler unrolls loops over it.
     """
-    firsts = (pieces.length * pieces.chunks).astype(np.uint64)
-    return tuple(np.arange(pieces.length, dtype=np.uint64)), firsts, pieces.values.reshape(-1)
+    first_dofs = (pieces.length * pieces.chunks).astype(np.uint64)
+    return tuple(np.arange(pieces.length, dtype=np.uint64)), first_dofs, pieces.values.reshape(-1)
 
 
 @njit(cache=True)
@@ -185,38 +197,50 @@ def own_coupling(starts, pieces):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product(width, starts, chunks, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
+def _write_product(width, starts, chunks, pieces, free_velocity, scaled_velocity, relative_velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for blocks of any width with any number of pieces."""
     one, lanes, length = uint64(1), uint64(width), uint64(pieces.shape[2])
     for i in range(uint64(len(starts) - 1)):
         for lane in range(lanes):
-            total = free[lanes * i + lane]
+            total = free_velocity[lanes * i + lane]
             for p in range(starts[i], starts[i + one]):
                 for k in range(length):
-                    total += pieces[p, lane, k] * scaled[length * chunks[p] + k]
-            relative[lanes * i + lane] = total
+                    total += pieces[p, lane, k] * scaled_velocity[length * chunks[p] + k]
+            relative_velocity[lanes * i + lane] = total
 
 
 @njit(cache=True, fastmath={"contract"})
-def _product_spatial_pairs(axes, firsts, pieces, free, scaled, relative):  # type: ignore[no-untyped-def]
+def _write_product_of_spatial_pairs(axes, first_dofs, pieces, free_velocity, scaled_velocity, relative_velocity):  # type: ignore[no-untyped-def]
     """Write ξ = W̃ᵀ v + c for spatial contacts between two bodies, or one body and the ground."""
     one, two, three, length = uint64(1), uint64(2), uint64(3), uint64(len(axes))
-    for i in range(uint64(len(firsts)) // two):
+    for i in range(uint64(len(first_dofs)) // two):
         k = three * i
-        normal, first, second = free[k], free[k + one], free[k + two]
+        normal, first, second = free_velocity[k], free_velocity[k + one], free_velocity[k + two]
         for body in range(two):
-            begin, piece_start = firsts[two * i + body], three * length * (two * i + body)
+            begin, piece_start = first_dofs[two * i + body], three * length * (two * i + body)
             for x in range(length):
-                v = scaled[begin + x]
+                v = scaled_velocity[begin + x]
                 normal += pieces[piece_start + x] * v
                 first += pieces[piece_start + length + x] * v
                 second += pieces[piece_start + two * length + x] * v
-        relative[k], relative[k + one], relative[k + two] = normal, first, second
+        relative_velocity[k], relative_velocity[k + one], relative_velocity[k + two] = normal, first, second
 
 
 @njit(cache=True, fastmath={"contract"})
 def _sweep(  # type: ignore[no-untyped-def]
-    count, width, starts, chunks, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
+    count,
+    width,
+    starts,
+    chunks,
+    pieces,
+    free_velocity,
+    step_sizes,
+    friction,
+    fixed_bound,
+    partner,
+    coupling,
+    impulses,
+    scaled_velocity,
 ):
     """Sweep over blocks of any width with any number of pieces."""
     one, two, lanes, length = uint64(1), uint64(2), uint64(width), uint64(pieces.shape[2])
@@ -225,21 +249,21 @@ def _sweep(  # type: ignore[no-untyped-def]
         for i in range(uint64(len(friction))):
             k = lanes * i
             for lane in range(lanes):
-                xi[lane] = free[k + lane]
+                xi[lane] = free_velocity[k + lane]
                 old[lane] = impulses[k + lane]
                 for p in range(starts[i], starts[i + one]):
                     chunk = length * chunks[p]
                     for a in range(length):
-                        xi[lane] += pieces[p, lane, a] * scaled[chunk + a]
-            impulses[k] = max(old[0] - sizes[two * i] * xi[0], 0.0)
+                        xi[lane] += pieces[p, lane, a] * scaled_velocity[chunk + a]
+            impulses[k] = max(old[0] - step_sizes[two * i] * xi[0], 0.0)
             if width > 1:
                 change = impulses[k] - old[0]
-                bound = fixed[i] + friction[i] * impulses[partner[i]]
-                x = old[1] - sizes[two * i + one] * (xi[1] + coupling[two * i] * change)
+                bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
+                x = old[1] - step_sizes[two * i + one] * (xi[1] + coupling[two * i] * change)
                 if width == 2:
                     impulses[k + one] = min(max(x, -bound), bound)
                 else:
-                    y = old[2] - sizes[two * i + one] * (xi[2] + coupling[two * i + one] * change)
+                    y = old[2] - step_sizes[two * i + one] * (xi[2] + coupling[two * i + one] * change)
                     scale = disc_scale(x, y, bound)
                     impulses[k + one], impulses[k + two] = x * scale, y * scale
             for lane in range(lanes):
@@ -247,50 +271,67 @@ def _sweep(  # type: ignore[no-untyped-def]
                 for p in range(starts[i], starts[i + one]):
                     chunk = length * chunks[p]
                     for a in range(length):
-                        scaled[chunk + a] += pieces[p, lane, a] * change
+                        scaled_velocity[chunk + a] += pieces[p, lane, a] * change
 
 
 @njit(cache=True, fastmath={"contract"})
 def _sweep_spatial_pairs(  # type: ignore[no-untyped-def]
-    count, axes, firsts, pieces, free, sizes, friction, fixed, partner, coupling, impulses, scaled
+    count,
+    axes,
+    first_dofs,
+    pieces,
+    free_velocity,
+    step_sizes,
+    friction,
+    fixed_bound,
+    partner,
+    coupling,
+    impulses,
+    scaled_velocity,
 ):
     """Sweep over spatial contacts between two bodies, or one body and the ground."""
     one, two, length = uint64(1), uint64(2), uint64(len(axes))
     for _ in range(count):
         for i in range(uint64(len(friction))):
             k, piece_start = uint64(3) * i, uint64(6) * length * i
-            a, b = firsts[two * i], firsts[two * i + one]
-            normal, first, second = free[k], free[k + one], free[k + two]
+            a, b = first_dofs[two * i], first_dofs[two * i + one]
+            normal, first, second = free_velocity[k], free_velocity[k + one], free_velocity[k + two]
             normal_a, first_a, second_a = 0.0, 0.0, 0.0
             for x in range(length):
-                va, vb, entry = scaled[a + x], scaled[b + x], piece_start + x
+                va, vb, entry = scaled_velocity[a + x], scaled_velocity[b + x], piece_start + x
                 normal += pieces[entry + uint64(3) * length] * vb
                 first += pieces[entry + uint64(4) * length] * vb
                 second += pieces[entry + uint64(5) * length] * vb
                 normal_a += pieces[entry] * va
                 first_a += pieces[entry + length] * va
                 second_a += pieces[entry + two * length] * va
-            old_n, old_t, old_s = impulses[k], impulses[k + one], impulses[k + two]
-            new = max(old_n - sizes[two * i] * (normal + normal_a), 0.0)
+            old_n, old_t1, old_t2 = impulses[k], impulses[k + one], impulses[k + two]
+            new = max(old_n - step_sizes[two * i] * (normal + normal_a), 0.0)
             impulses[k] = new
             dn = new - old_n
             first += first_a + coupling[two * i] * dn
             second += second_a + coupling[two * i + one] * dn
-            bound = fixed[i] + friction[i] * impulses[partner[i]]
-            t = old_t - sizes[two * i + one] * first
-            s = old_s - sizes[two * i + one] * second
-            scale = disc_scale(t, s, bound)
-            t *= scale
-            s *= scale
-            impulses[k + one], impulses[k + two] = t, s
-            dt, ds = t - old_t, s - old_s
+            bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
+            t1 = old_t1 - step_sizes[two * i + one] * first
+            t2 = old_t2 - step_sizes[two * i + one] * second
+            scale = disc_scale(t1, t2, bound)
+            t1 *= scale
+            t2 *= scale
+            impulses[k + one], impulses[k + two] = t1, t2
+            dt1, dt2 = t1 - old_t1, t2 - old_t2
             for x in range(length):
                 entry = piece_start + x
-                scaled[a + x] = (
-                    scaled[a + x] + pieces[entry] * dn + pieces[entry + length] * dt + pieces[entry + two * length] * ds
+                scaled_velocity[a + x] = (
+                    scaled_velocity[a + x]
+                    + pieces[entry] * dn
+                    + pieces[entry + length] * dt1
+                    + pieces[entry + two * length] * dt2
                 )
             for x in range(length):
                 entry = piece_start + x + uint64(3) * length
-                scaled[b + x] = (
-                    scaled[b + x] + pieces[entry] * dn + pieces[entry + length] * dt + pieces[entry + two * length] * ds
+                scaled_velocity[b + x] = (
+                    scaled_velocity[b + x]
+                    + pieces[entry] * dn
+                    + pieces[entry + length] * dt1
+                    + pieces[entry + two * length] * dt2
                 )

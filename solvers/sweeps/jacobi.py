@@ -1,6 +1,6 @@
 """Jacobi sweeps over the assembled Delassus matrix.
 
-One sweep updates every law from the same iterate ν,
+One sweep updates every law from the same iterate Λ^ν,
 
     Λ_i ← prox_{C_i}( Λ_i^ν − r_i ( Σ_j G_ij Λ_j^ν + c_i ) ),
 
@@ -37,20 +37,23 @@ class JacobiIterates(DelassusState):
 
 
 @njit(cache=True)
-def _project(width, sizes, friction, fixed, partner, velocity, impulses):  # type: ignore[no-untyped-def]
-    """Move Λ along −r ξ and project: all normal impulses, then all friction impulses."""
+def _project(width, step_sizes, friction, fixed_bound, partner, velocity, impulses):  # type: ignore[no-untyped-def]
+    """Move Λ along −r ξ and project: all normal impulses, then all friction impulses.
+
+    ``partner`` is the index of the normal impulse that bounds each friction law.
+    """
     n_blocks = len(friction)
     for i in range(n_blocks):
-        impulses[width * i] = max(impulses[width * i] - sizes[2 * i] * velocity[width * i], 0.0)
+        impulses[width * i] = max(impulses[width * i] - step_sizes[2 * i] * velocity[width * i], 0.0)
     if width > 1:
         for i in range(n_blocks):
             k = width * i
-            bound = fixed[i] + friction[i] * impulses[partner[i]]
-            x = impulses[k + 1] - sizes[2 * i + 1] * velocity[k + 1]
+            bound = fixed_bound[i] + friction[i] * impulses[partner[i]]
+            x = impulses[k + 1] - step_sizes[2 * i + 1] * velocity[k + 1]
             if width == 2:
                 impulses[k + 1] = min(max(x, -bound), bound)
             else:
-                y = impulses[k + 2] - sizes[2 * i + 1] * velocity[k + 2]
+                y = impulses[k + 2] - step_sizes[2 * i + 1] * velocity[k + 2]
                 scale = disc_scale(x, y, bound)
                 impulses[k + 1] = x * scale
                 impulses[k + 2] = y * scale

@@ -16,7 +16,7 @@ Rolling rows are scaled by the length √(α_N/α_R), so that all rows are veloc
 import numpy as np
 from numba import njit
 
-from .any_laws import into_ball
+from .any_laws import project_into_ball
 
 MAX_STARTS = 4
 """Largest number of starts of Newton's method."""
@@ -51,15 +51,15 @@ def solve_rolling(block, q, sliding, mu, a, mu_r, a_r, impulse):  # type: ignore
     for k in range(first, d):
         largest = max(largest, block[k, k])
     length = np.sqrt(block[0, 0] / largest) if block[0, 0] > 0.0 and largest > 0.0 else 1.0
-    g, free, x = np.empty((d, d)), np.empty(d), np.empty(d)
+    g, free_velocity, x = np.empty((d, d)), np.empty(d), np.empty(d)
     for k in range(d):
         unit = length if k >= first else 1.0
-        free[k], x[k] = unit * q[k], impulse[k] / unit
+        free_velocity[k], x[k] = unit * q[k], impulse[k] / unit
         for j in range(d):
             g[k, j] = unit * block[k, j] * (length if j >= first else 1.0)
     laws = (mu, a, mu_r / length, a_r / length)
-    if not (x[0] <= 0.0 and a == 0.0 and a_r == 0.0 and free[0] >= 0.0):
-        _solve(g, free, sliding, laws, x)
+    if not (x[0] <= 0.0 and a == 0.0 and a_r == 0.0 and free_velocity[0] >= 0.0):
+        _solve(g, free_velocity, sliding, laws, x)
     else:
         x[:] = 0.0
     for k in range(d):
@@ -94,12 +94,12 @@ def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
             _linearise(g, q, sliding, laws, alpha, x, xi, system)
             if not _solve_linear_system(system):
                 break
-            fraction, before = 1.0, violation
+            fraction, old_violation = 1.0, violation
             while True:
                 for k in range(d):
                     trial[k] = x[k] + fraction * system[k, d]
                 violation = _violation(g, q, sliding, laws, alpha, trial, xi)
-                if violation < (1.0 - 1e-4 * fraction) * before or fraction <= MIN_STEP:
+                if violation < (1.0 - 1e-4 * fraction) * old_violation or fraction <= MIN_STEP:
                     break
                 fraction *= 0.5
             x[:] = trial
@@ -180,7 +180,7 @@ def _sweep(count, g, q, sliding, laws, alpha, x, xi, change):  # type: ignore[no
             if law == 0:
                 x[0] = max(x[0] - size * xi[0], 0.0)
             else:
-                into_ball(size, laws[2 * law - 1] + laws[2 * law - 2] * x[0], begin, xi, x[begin:end], change)
+                project_into_ball(size, laws[2 * law - 1] + laws[2 * law - 2] * x[0], begin, xi, x[begin:end], change)
 
 
 @njit(cache=True, error_model="numpy")

@@ -73,27 +73,34 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
         self._iterates, self.padded = iterates, iterates.padded
         self._fraction = np.empty(iterates.layout.n_blocks)  # step of each contact, relative to its initial one
         self._fraction.fill(1.0)
-        self._before, self._previous = np.empty((2, len(iterates.padded)))
+        self._second_last_impulses, self._previous_impulses = np.empty((2, len(iterates.padded)))
         self._since_check, self._checks_since_reduction, self._interval = 0, 0, INTERVALS[0]
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps; compare increments at intervals and reduce steps where they oscillate."""
-        newest = self.padded
+        newest_impulses = self.padded
         while count > 0:
             sweeps_left = self._interval - self._since_check
             if sweeps_left == 2:
-                self._before[:] = newest
+                self._second_last_impulses[:] = newest_impulses
             elif sweeps_left == 1:
-                self._previous[:] = newest
+                self._previous_impulses[:] = newest_impulses
             step = min(count, sweeps_left - 2 if sweeps_left > 2 else 1)
             self._iterates.sweep(step)
             self._since_check += step
             count -= step
             if step == sweeps_left:
                 self._since_check, self._checks_since_reduction = 0, self._checks_since_reduction + 1
-                layout, sizes = self._iterates.layout, self._iterates.step_sizes
-                lanes, sizes = (layout.width, layout.sliding, sizes.shape[1]), sizes.reshape(-1)
-                if reduce_opposed_steps(*lanes, self._before, self._previous, newest, sizes, self._fraction):
+                layout, step_sizes = self._iterates.layout, self._iterates.step_sizes
+                lanes, step_sizes = (layout.width, layout.sliding, step_sizes.shape[1]), step_sizes.reshape(-1)
+                if reduce_opposed_steps(
+                    *lanes,
+                    self._second_last_impulses,
+                    self._previous_impulses,
+                    newest_impulses,
+                    step_sizes,
+                    self._fraction,
+                ):
                     self._checks_since_reduction = 0
                     self._iterates.scale_steps(self._fraction)
                 self._interval = INTERVALS[min(self._checks_since_reduction, len(INTERVALS) - 1)]
@@ -110,24 +117,26 @@ class SafeguardedIterates(WrappedIterates[ScalableIterates]):
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def reduce_opposed_steps(width, sliding, groups, before, previous, newest, step_sizes, fraction):  # type: ignore[no-untyped-def]
+def reduce_opposed_steps(  # type: ignore[no-untyped-def]
+    width, sliding, groups, second_last_impulses, previous_impulses, newest_impulses, step_sizes, fraction
+):
     """Reduce the step of each contact whose increments are opposed and do not shrink; return whether there is one."""
     lanes, groups = uint64(width), uint64(groups)
-    is_reduced = False
+    has_reduced_step = False
     for i in range(uint64(len(fraction))):
         k = lanes * i
         product, older, newer, impulse = 0.0, 0.0, 0.0, 0.0
         for lane in range(lanes):
             r = step_sizes[groups * i + uint64(0 if lane == 0 else (1 if lane <= sliding else 2))]
             weight = 1.0 / r if r > 0.0 else 0.0
-            a = previous[k + lane] - before[k + lane]
-            b = newest[k + lane] - previous[k + lane]
+            a = previous_impulses[k + lane] - second_last_impulses[k + lane]
+            b = newest_impulses[k + lane] - previous_impulses[k + lane]
             product += weight * a * b
             older += weight * a * a
             newer += weight * b * b
-            impulse += weight * (newest[k + lane] * newest[k + lane])
+            impulse += weight * (newest_impulses[k + lane] * newest_impulses[k + lane])
         is_opposed = product < -OPPOSED * np.sqrt(older * newer)
         if is_opposed and newer > MAX_CONTRACTION_FACTOR**2 * older and newer > ROUNDING**2 * impulse:
             fraction[i] = max(STEP_REDUCTION * fraction[i], MIN_FRACTION)
-            is_reduced = True
-    return is_reduced
+            has_reduced_step = True
+    return has_reduced_step

@@ -38,7 +38,7 @@ def check_relaxation(relaxation: float) -> None:
     check_option("relaxation", relaxation, is_valid, "a positive number")
 
 
-def step_sizes(
+def compute_step_sizes(
     problem: ContactProblem, step_size: StepSize, relaxation: float, row_sums: Callable[[ContactProblem], FloatArray]
 ) -> FloatArray:
     """Return r for the lanes of each block [kg] by one of the two rules.
@@ -61,9 +61,9 @@ def _per_law(problem: ContactProblem, row_values: FloatArray, relaxation: float)
     if not layout.has_contacts_only:
         parts = np.split(layout.pad(row_values), [1, 1 + layout.sliding], axis=1)
         return inverse(np.column_stack([part.max(axis=1, initial=0.0) for part in parts]), relaxation)
-    sizes = np.zeros((layout.n_blocks, 2))
-    write_step_sizes(layout.slot, layout.width, row_values, relaxation, sizes)
-    return sizes
+    step_sizes = np.zeros((layout.n_blocks, 2))
+    write_step_sizes(layout.slot, layout.width, row_values, relaxation, step_sizes)
+    return step_sizes
 
 
 def inverse(curvature: FloatArray, relaxation: float) -> FloatArray:
@@ -71,10 +71,10 @@ def inverse(curvature: FloatArray, relaxation: float) -> FloatArray:
     return np.divide(relaxation, curvature, out=np.zeros_like(curvature), where=curvature > 0.0)
 
 
-def lane_weights(layout: BlockLayout, sizes: FloatArray) -> FloatArray:
+def lane_weights(layout: BlockLayout, step_sizes: FloatArray) -> FloatArray:
     """Return 1/√r of each lane, padded and flat, or 0 if r is 0; norms of impulses are weighted with it."""
-    group_weights = np.sqrt(inverse(sizes, 1.0))
-    widths = (1, layout.sliding, layout.rolling)[: sizes.shape[1]]
+    group_weights = np.sqrt(inverse(step_sizes, 1.0))
+    widths = (1, layout.sliding, layout.rolling)[: step_sizes.shape[1]]
     weights: FloatArray = np.repeat(group_weights, widths, axis=1).reshape(-1)
     return weights
 
@@ -108,14 +108,14 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
 
 @interpretable
 @njit(cache=True, error_model="numpy")
-def write_step_sizes(slot, width, row_values, relaxation, sizes):  # type: ignore[no-untyped-def]
+def write_step_sizes(slot, width, row_values, relaxation, step_sizes):  # type: ignore[no-untyped-def]
     """Write ω over the largest number in ``row_values`` of each law's rows, or 0 if that is 0."""
     for row in range(len(slot)):
         block, lane = slot[row] // width, min(slot[row] % width, 1)
-        sizes[block, lane] = max(sizes[block, lane], row_values[row])
-    for block in range(len(sizes)):
+        step_sizes[block, lane] = max(step_sizes[block, lane], row_values[row])
+    for block in range(len(step_sizes)):
         for lane in range(2):
-            sizes[block, lane] = relaxation / sizes[block, lane] if sizes[block, lane] > 0.0 else 0.0
+            step_sizes[block, lane] = relaxation / step_sizes[block, lane] if step_sizes[block, lane] > 0.0 else 0.0
 
 
 @njit(cache=True)

@@ -173,7 +173,7 @@ def search_thickness(
 
     def stands(ratio: float) -> bool:
         arch = Arch(stones, ratio * exact, friction)
-        motions.append(simulate(arch, arch.moved, solver, stop, step, DURATION, FALLEN))
+        motions.append(simulate(arch, arch.largest_displacement, solver, stop, step, DURATION, FALLEN))
         is_complete = motions[-1].time >= DURATION * (1.0 - 1e-9)  # otherwise it ran out of processor time
         return motions[-1].largest <= FALLEN and is_complete
 
@@ -227,7 +227,7 @@ def friction() -> Iterator[dict[str, Any]]:
 def sliding() -> Iterator[dict[str, Any]]:
     for thickness in (0.2, 0.3):
         scene = Arch(27, thickness, 0.30)
-        motion = simulate(scene, scene.moved, "Robust", to_tolerance(1e-6), STEP, 10.0, THROWN_OVER)
+        motion = simulate(scene, scene.largest_displacement, "Robust", to_tolerance(1e-6), STEP, 10.0, THROWN_OVER)
         yield {"friction": scene.friction, "thickness": thickness, "stands": can_stand(scene), **asdict(motion)}
 
 
@@ -242,7 +242,7 @@ def sweeps() -> Iterator[dict[str, Any]]:
 def creep() -> Iterator[dict[str, Any]]:
     scene = Arch(7, 1.01 * least_thickness(7))
     for solver, step, tolerance in ladder(SOLVERS[:-1], compared=("Robust", "NSGS")):
-        motion = simulate(scene, scene.moved, solver, to_tolerance(tolerance), step, 10.0, THROWN_OVER)
+        motion = simulate(scene, scene.largest_displacement, solver, to_tolerance(tolerance), step, 10.0, THROWN_OVER)
         yield {"solver": solver, "step": step, "tolerance": tolerance, **asdict(motion)}
 
 

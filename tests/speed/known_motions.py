@@ -56,7 +56,7 @@ def cards(storeys: tuple[int, ...] = (1, 2, 3, 4), seconds: float = 2.0) -> Iter
             house = CardHouse(count, friction=factor * limit)
             moved, unsolved, time = 0.0, 0, 0.0
             for taken in steps_of(house, 1e-6, 1e-3, seconds):
-                moved, time = max(moved, house.moved(taken.state)), taken.state.time
+                moved, time = max(moved, house.largest_displacement(taken.state)), taken.state.time
                 unsolved += taken.status not in (Status.SOLVED, None)
                 if moved > MOVED:
                     break
@@ -133,5 +133,5 @@ def walls(seconds: float = 2.0, step: float = 1e-3) -> Iterator[dict[str, Any]]:
     wall = BrickWall(speed=0.0, friction=0.0)
     for tolerance in (1e-6, 1e-10):
         taken = list(steps_of(wall, tolerance, step, seconds))
-        moved = max(wall.moved(one.state) for one in taken)
+        moved = max(wall.largest_displacement(one.state) for one in taken)
         yield {"scene": "brick_wall", "tolerance": tolerance, "largest": moved, "unsolved": _unsolved(taken)}

@@ -103,8 +103,8 @@ class Sweeps:
     def sweep_short(self) -> None:
         """Sweep over records of 32-bit numbers."""
         own, now = self.data, self.iterates
-        arrays = now._impulses, now._motion, now._change, now._before
-        sweep_balls(SWEEPS, own.bodies, self.short_records, own.balls.spin_share, *arrays, MOMENTUM, 0.0, 0, MOMENTUM)
+        arrays = now._impulses, now._motion, now._change, now._previous_motion
+        sweep_balls(SWEEPS, own.bodies, self.short_records, own.balls.spin_ratio, *arrays, MOMENTUM, 0.0, 0, MOMENTUM)
 
     def stream(self) -> None:
         """Read and write the arrays of a sweep in sequence."""

@@ -30,7 +30,7 @@ def compare(
     from ... import runs
     from ...errors import BenchError
     from ...report.comparison.comparison import SLOWDOWN, read_conditions
-    from ...report.comparison.page import document, markdown_page, print_comparison
+    from ...report.comparison.page import comparison_document, markdown_page, print_comparison
     from ...report.layout.output_file import check_writable, write_file
     from ...report.layout.text import output_width, print_json
 
@@ -46,7 +46,7 @@ def compare(
     if markdown is not None and not to_print:
         write_file(markdown, markdown_page(comparison, failures).encode())
     if as_json:
-        print_json(document(comparison, failures))
+        print_json(comparison_document(comparison, failures))
     elif to_print:
         print(markdown_page(comparison, failures), end="")
     elif not quiet:

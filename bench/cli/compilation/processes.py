@@ -122,16 +122,16 @@ def serve(parts: str, folder: str, announces: bool) -> NoReturn:
     all_parts: Sequence[Part] = getattr(importlib.import_module(module), name)()
     answers = os.dup(sys.stdout.fileno())
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what parts print must not mix with the answers
-    numbers: SimpleQueue[int] = SimpleQueue()
-    Thread(target=_read_numbers, args=(numbers,), daemon=True).start()
+    part_numbers: SimpleQueue[int] = SimpleQueue()
+    Thread(target=_read_numbers, args=(part_numbers,), daemon=True).start()
     while True:
-        compiled = compile_here([all_parts[numbers.get()]])
+        compiled = compile_here([all_parts[part_numbers.get()]])
         release()
         os.write(answers, f"{json.dumps(compiled)}\n".encode())
 
 
-def _read_numbers(numbers: SimpleQueue[int]) -> None:
+def _read_numbers(part_numbers: SimpleQueue[int]) -> None:
     """Put the numbers from standard input into a queue; end this process when the input is closed."""
     for line in sys.stdin:
-        numbers.put(int(line))
+        part_numbers.put(int(line))
     os._exit(0)

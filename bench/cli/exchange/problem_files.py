@@ -283,7 +283,7 @@ def _print_surveys(surveys: Sequence["Survey"], engines: Sequence[dict[str, Any]
     from .capture import cell
 
     residual_names = ("own model", "Coulomb") if any(engines) else ()
-    heads = (
+    headings = (
         "form",
         "contacts",
         "joints",
@@ -318,8 +318,8 @@ def _print_surveys(surveys: Sequence["Survey"], engines: Sequence[dict[str, Any]
     ]
     if not rows:
         return
-    widths = [max(len(line[column]) for line in (heads, *rows)) for column in range(len(heads) - 1)]
-    for line in (heads, *rows):
+    widths = [max(len(line[column]) for line in (headings, *rows)) for column in range(len(headings) - 1)]
+    for line in (headings, *rows):
         cells = [f"{text:>{width}}" for text, width in zip(line, widths, strict=False)]
         print("  ".join([f"{line[0]:<{widths[0]}}", *cells[1:], line[-1]]))
     print(

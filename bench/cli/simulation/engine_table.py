@@ -27,8 +27,8 @@ def _scene_table(comparison: Comparison, scene: str) -> str:
         in_order = (by_setting[setting.name] for setting in ENGINES[engine].settings if setting.name in by_setting)
         rows += [_row(run, description.errors, run is best) for run in in_order]
     times, residual_heads = ("wall [ms/s]", "processor [ms/s]"), ("own model", "Coulomb", "Robust")
-    head = ("engine", "setting", "Δt [ms]", *times, *description.errors, *residual_heads)
-    return markdown_table(map(inline, head), rows)
+    headings = ("engine", "setting", "Δt [ms]", *times, *description.errors, *residual_heads)
+    return markdown_table(map(inline, headings), rows)
 
 
 def _row(run: Measurement, errors: tuple[str, ...], is_best: bool) -> list[str]:

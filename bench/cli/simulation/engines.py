@@ -63,8 +63,8 @@ def engines(
     text = comparison_tables(comparison)
     files = list(filter(None, (resume, output)))
     for file in files:
-        is_data = file.suffix == ".json" or file == resume
-        write_file(file, msgspec.json.format(msgspec.json.encode(comparison)) if is_data else text.encode())
+        writes_json = file.suffix == ".json" or file == resume
+        write_file(file, msgspec.json.format(msgspec.json.encode(comparison)) if writes_json else text.encode())
     if as_json:
         print_json(msgspec.to_builtins(comparison))
     else:

@@ -18,7 +18,7 @@ from ...simulation.run import advance, resumable_simulation
 from ...simulation.trajectory import Simulation
 from ...simulation.view.live import LiveSummary
 from ...simulation.view.outputs import SimulationOutputs, choose_outputs, write_recording
-from ...simulation.view.table import document, print_simulation
+from ...simulation.view.table import print_simulation, simulation_document
 from .. import options
 from .interrupts import deferred_interrupts
 
@@ -79,7 +79,7 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     assert file is not None
     console = Console(width=output_width(), quiet=as_json)
     if as_json:
-        print_json(document(simulation))
+        print_json(simulation_document(simulation))
     elif not quiet:
         print_simulation(simulation, console)
         console.print()

@@ -194,10 +194,10 @@ class Case(LadderCase[MeasuredRound]):
             result = self._timed_round(TimedRound, number, "round", stop, ROUND_SECONDS, start)
             if result is None or self._worker is None:
                 return None
-            timed, record, numbers = result
+            timed, record, values = result
             self._threads_used = max(self._threads_used, timed.threads_used(self.threads))
             worked = self._worker.processor_seconds() - worked
-            impulses = self._answers(timed, numbers)
+            impulses = self._answers(timed, values)
             if not record.excluded and (clock_fault := self._clock.fault(timed, worked)):
                 raise Fault(Outcome.MISBEHAVED, clock_fault)
         except Fault as fault:
@@ -205,7 +205,7 @@ class Case(LadderCase[MeasuredRound]):
             return None
         return MeasuredRound(timed, record, impulses)
 
-    def _answers(self, timed: TimedRound, numbers: FloatArray) -> FloatArray:
+    def _answers(self, timed: TimedRound, values: FloatArray) -> FloatArray:
         """Return the distinct answers of a round [N s], shape (n, n_rows).
 
         Raises:
@@ -214,10 +214,10 @@ class Case(LadderCase[MeasuredRound]):
         n_rows, count = self.problem.n_rows, len(timed.totals)
         if not n_rows:
             return np.zeros((1, 0))
-        if not n_rows <= len(numbers) <= n_rows * count or len(numbers) % n_rows:
-            reason = f"it returned {len(numbers)} numbers for {count} solves of {n_rows} rows each"
+        if not n_rows <= len(values) <= n_rows * count or len(values) % n_rows:
+            reason = f"it returned {len(values)} numbers for {count} solves of {n_rows} rows each"
             raise Fault(Outcome.MISBEHAVED, reason)
-        return numbers.reshape(-1, n_rows)
+        return values.reshape(-1, n_rows)
 
     def needs_round(self, answers: Sequence[MeasuredRound]) -> bool:
         """Return whether a point needs another round, because too few are counted; a failed solve is not repeated."""
@@ -252,7 +252,7 @@ class Case(LadderCase[MeasuredRound]):
             rounds=rounds,
             answers=len(hashes),
             hashes=hashes,
-            verdict=judged.coulomb.numbers(),
+            verdict=judged.coulomb.numeric_fields(),
             impulses=judged.kept,
             impulse_error=judged.impulse_error(self.problem),
         )
@@ -303,10 +303,10 @@ class Case(LadderCase[MeasuredRound]):
         """Run first solves of a point; return the point with their times, after judging their answers."""
         stop, measured = self._stop(point.tolerance), point.measured
         start = self._starts.impulses(stop)
-        firsts = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop), start)
+        first_solves = self._controls.first_solves(stop, seconds, partial(self._measure_again, stop), start)
         if measured is not None:
-            point = replace(point, measured=_with_times(measured, "first", firsts))
-        return judge_control_solves(self.problem, self.solver.model, point, firsts, IN_FIRST_SOLVE)
+            point = replace(point, measured=_with_times(measured, "first", first_solves))
+        return judge_control_solves(self.problem, self.solver.model, point, first_solves, IN_FIRST_SOLVE)
 
     def _measure_again(self, stop: Stop) -> float:
         """Return the median time of one more round [s].

@@ -45,16 +45,16 @@ class ClockAccount:
         self._calibrations = 0
         self._on_clock = self._worked = self._n_solves = self._n_rounds = self._harness = 0.0
 
-    def fault(self, timed: TimedRound, worked: float) -> str | None:
+    def fault(self, timed_round: TimedRound, worked: float) -> str | None:
         """Add a round, and return a clause if the process worked more than its clock explains, else None.
 
         Args:
-            timed: a round that is not excluded.
+            timed_round: a round that is not excluded.
             worked: processor time of the round, as the system counts it [s].
         """
-        self._n_solves += len(timed.totals)
+        self._n_solves += len(timed_round.totals)
         self._n_rounds += 1
-        self._on_clock += float(np.maximum(timed.walls, timed.processor).sum())
+        self._on_clock += float(np.maximum(timed_round.walls, timed_round.processor).sum())
         self._worked += worked
         while self._worked > self._explained() and self._calibrations < MAX_CALIBRATIONS:
             self._calibrations += 1

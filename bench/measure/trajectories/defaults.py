@@ -62,12 +62,12 @@ def default_methods(scene: Scene, trajectory: TrajectoryRecord) -> Iterator[Meth
 
 def added_methods(scene: Scene, solvers: Iterator[SolverSpec]) -> Iterator[Method]:
     """Yield the methods that compare solvers over their tolerances."""
-    fixed, variable = f"Moreau(step={2.0 * scene.step_size!r})", "Extrapolated"
+    fixed_stepper, variable_stepper = f"Moreau(step={2.0 * scene.step_size!r})", "Extrapolated"
     for solver in solvers:
         if scene.has_few_contacts:
-            yield make_method(solver_method_name(solver, variable), TOLERANCES, specification=solver)
+            yield make_method(solver_method_name(solver, variable_stepper), TOLERANCES, specification=solver)
         else:
-            yield make_method(solver_method_name(solver, fixed), (1e-2, 1e-4), specification=solver)
+            yield make_method(solver_method_name(solver, fixed_stepper), (1e-2, 1e-4), specification=solver)
 
 
 def default_reference(scene: Scene, trajectory: TrajectoryRecord) -> Method:

@@ -50,8 +50,8 @@ class BallRecorder(SceneRecorder):
         self._system = system = scene.balls
         self._orientations = identity_orientations(system.n_balls)
         self._layers: list[IntArray] = []
-        relative = np.repeat(system.radii / system.radii.max(), 3).reshape(-1, 3).astype(np.float32)
-        self._scales = None if (relative == 1.0).all() else relative
+        relative_radii = np.repeat(system.radii / system.radii.max(), 3).reshape(-1, 3).astype(np.float32)
+        self._scales = None if (relative_radii == 1.0).all() else relative_radii
         option: Any = scene.options.get("gravity")
         gravity = float(option) if isinstance(option, int | float) else 0.0
         self._reference = float(np.median(system.masses)) * (abs(gravity) or 9.81) * REFERENCE_SECONDS

@@ -17,7 +17,8 @@ def patches(pairs: IntArray, points: FloatArray, normals: FloatArray, states: St
     A patch sticks if one of its contacts sticks.
 
     Args:
-        pairs: both bodies of each loaded contact, shape (n, 2) with n ≥ 1; contacts without an impulse are omitted.
+        pairs: both bodies of each loaded contact, shape (n, 2) with n ≥ 1; the caller omits contacts without an
+            impulse.
         points: positions of the contacts [m], shape (n, 3).
         normals: unit normals of the contacts, shape (n, 3).
         states: states of the contacts, shape (n,).
@@ -39,8 +40,8 @@ def _angles(patch_indices: IntArray, points: FloatArray, normals: FloatArray) ->
     """Return the angle of each contact about the centroid of its patch, in the plane of the patch, shape (n,)."""
     counts = np.bincount(patch_indices)
     centroids = np.column_stack([np.bincount(patch_indices, points[:, axis]) / counts for axis in range(3)])
-    _, firsts = np.unique(patch_indices, return_index=True)
-    frames = contact_frames(normals[firsts])
+    _, first_contacts = np.unique(patch_indices, return_index=True)
+    frames = contact_frames(normals[first_contacts])
     arms = np.einsum("cix,cx->ci", frames[patch_indices, 1:], points - centroids[patch_indices])
     angles: FloatArray = np.arctan2(arms[:, 1], arms[:, 0])
     return angles

@@ -49,8 +49,8 @@ class ForceArrows:
     @property
     def reference(self) -> float | None:
         """The force [N] whose arrow has the length ``REFERENCE_LENGTH``; None without forces."""
-        sizes = np.concatenate([np.zeros(0), *(np.linalg.norm(step.vectors, axis=1) for step in self._steps)])
-        acting = sizes[sizes > 0.0]
+        magnitudes = np.concatenate([np.zeros(0), *(np.linalg.norm(step.vectors, axis=1) for step in self._steps)])
+        acting = magnitudes[magnitudes > 0.0]
         return float(np.quantile(acting, REFERENCE_QUANTILE)) if len(acting) else None
 
     @property

@@ -73,15 +73,15 @@ def joint_impulses(joints: RigidJoints, first_key: int, step: Step) -> FloatArra
     assert contacts is not None
     directions = contacts.directions
     assert isinstance(directions, sp.csc_array)  # true for all systems with joints
-    numbers = contacts.keys - first_key
-    owners = np.where(numbers < n_joints, numbers, (numbers - n_joints) // 2)
+    row_numbers = contacts.keys - first_key
+    owners = np.where(row_numbers < n_joints, row_numbers, (row_numbers - n_joints) // 2)
     columns = np.repeat(np.arange(directions.shape[1]), np.diff(directions.indptr))
     joint_numbers = contacts.for_rows(owners)[columns]
     body_numbers, axes = np.divmod(directions.indices, 6)
     first_bodies = np.array([joint.first for joint in joints.joints])
-    is_force = (joint_numbers >= 0) & (axes < 3)
-    is_force[is_force] = body_numbers[is_force] == first_bodies[joint_numbers[is_force]]
+    is_force_entry = (joint_numbers >= 0) & (axes < 3)
+    is_force_entry[is_force_entry] = body_numbers[is_force_entry] == first_bodies[joint_numbers[is_force_entry]]
     impulses = np.zeros((n_joints, 3))
-    values = (directions.data * step.impulses[columns])[is_force]
-    np.add.at(impulses, (joint_numbers[is_force], axes[is_force]), values)
+    values = (directions.data * step.impulses[columns])[is_force_entry]
+    np.add.at(impulses, (joint_numbers[is_force_entry], axes[is_force_entry]), values)
     return impulses

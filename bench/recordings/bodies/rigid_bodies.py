@@ -67,9 +67,9 @@ class RigidRecorder(SceneRecorder):
         self._fits = [CameraFit(DIRECTION, aspect) for aspect in (BESIDE, ABOVE)]
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
         self._arrows = ForceArrows()
-        bounded = [fixed for fixed in system.fixed if not isinstance(fixed.shape, HalfSpace)]
-        for fixed in bounded:
-            self._include(fixed.shape, np.array([[*fixed.centre, *fixed.orientation]]))
+        bounded = [fixed_body for fixed_body in system.fixed if not isinstance(fixed_body.shape, HalfSpace)]
+        for fixed_body in bounded:
+            self._include(fixed_body.shape, np.array([[*fixed_body.centre, *fixed_body.orientation]]))
         self._include_bodies(scene.start)
         self._has_fixed_view = bool(bounded)
 
@@ -226,7 +226,9 @@ def _body_colours(centres: FloatArray, driven_bodies: Sequence[int]) -> list[tup
     shares = np.searchsorted(heights, centres[:, 2] - width) / len(heights)
     colours = [rgb(LAYER_COLOURS[min(int(share * len(LAYER_COLOURS)), len(LAYER_COLOURS) - 1)]) for share in shares]
     shades = [lightened(colour) if body % 2 else colour for body, colour in enumerate(colours)]
-    return [shade if free else WALL_COLOUR for shade, free in zip(shades, is_free.tolist(), strict=True)]
+    return [
+        shade if is_body_free else WALL_COLOUR for shade, is_body_free in zip(shades, is_free.tolist(), strict=True)
+    ]
 
 
 def _mesh_entity(mesh: Mesh, factor: tuple[int, int, int, int] | None = None) -> rr.Mesh3D:

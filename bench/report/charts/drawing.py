@@ -138,11 +138,11 @@ def by_name(
     channel: Any,
     field: str,
     styles: Mapping[str, SolverStyle],
-    part: Literal["colour", "shape", "dash"],
+    style_property: Literal["colour", "shape", "dash"],
     legend: alt.Legend | None = None,
 ) -> Any:
     """Return an encoding of ``field`` by one property of the styles of solvers."""
-    scale = alt.Scale(domain=list(styles), range=[getattr(style, part) for style in styles.values()])
+    scale = alt.Scale(domain=list(styles), range=[getattr(style, style_property) for style in styles.values()])
     return channel(f"{field}:N", scale=scale, sort=list(styles), legend=legend)
 
 

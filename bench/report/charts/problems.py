@@ -261,8 +261,8 @@ def _solve_marks(
 
 
 def _titled(panel: alt.LayerChart, title: str, notes: list[str]) -> alt.LayerChart:
-    head = heading(title, notes, WIDTH + LEGEND_WIDTH, 13)
-    titled: alt.LayerChart = panel.properties(width=WIDTH, height=HEIGHT, title=head)
+    chart_title = heading(title, notes, WIDTH + LEGEND_WIDTH, 13)
+    titled: alt.LayerChart = panel.properties(width=WIDTH, height=HEIGHT, title=chart_title)
     return titled
 
 

@@ -196,8 +196,8 @@ def _titled_chart(
     width = max(columns * (WIDTH + 60), 620)
     problems = counted(frames.cases["problem"].nunique(), "problem")
     lines = notes if notes[1:] else [f"{problems}; {notes[0]}"]
-    head = heading(title, [*lines, reason, *chart_notes(frames)], width)
-    return stacked(rows, head, SEPARATE_LEGENDS, spacing=20)
+    chart_title = heading(title, [*lines, reason, *chart_notes(frames)], width)
+    return stacked(rows, chart_title, SEPARATE_LEGENDS, spacing=20)
 
 
 def profile_panel(name: str, styles: Mapping[str, SolverStyle], data: Any, legend_of: Collection[str] = ()) -> Any:

@@ -123,8 +123,8 @@ def _run_chart(
         f"not shown: {', '.join(absent)} (no supported problem)" if absent else "",
         *chart_notes(frames),
     ]
-    head = heading(title, notes, len(panels) * WIDTH + LEGEND_WIDTH)
-    return stacked([alt.hconcat(*panels, spacing=40)], head, {"color": "shared"}, label_width=0)
+    chart_title = heading(title, notes, len(panels) * WIDTH + LEGEND_WIDTH)
+    return stacked([alt.hconcat(*panels, spacing=40)], chart_title, {"color": "shared"}, label_width=0)
 
 
 def _time_panel(
@@ -179,8 +179,8 @@ def _right_labels(rows: pd.DataFrame) -> alt.Chart:
 
 
 def _panel(layers: list[alt.Chart], title: str, row: int = ROW, width: int = WIDTH) -> alt.LayerChart:
-    head = alt.TitleParams(title, anchor="start", frame="group", fontSize=13)
-    panel: alt.LayerChart = alt.LayerChart(layer=layers, width=width, height=alt.Step(row), title=head)
+    chart_title = alt.TitleParams(title, anchor="start", frame="group", fontSize=13)
+    panel: alt.LayerChart = alt.LayerChart(layer=layers, width=width, height=alt.Step(row), title=chart_title)
     return panel
 
 

@@ -32,7 +32,8 @@ class Comparison:
     Attributes:
         before, after: the runs, restricted to common solvers and problems.
         notes: sentences about omitted parts and other differences.
-        obstacle: why times are not comparable; empty if they are. If they are not, the frames of times are empty.
+        incomparable_reason: why times are not comparable; empty if they are. If they are not, the frames of times are
+            empty.
         points: one row per solver, problem and accuracy that both runs reach: times before and after [s], their ratio
             as measured, and the ends of its 95 % interval, low and high.
         cases: one row per solver and problem: geometric means of times over its accuracies [s], their ratio over the
@@ -49,7 +50,7 @@ class Comparison:
     before: RunFrames
     after: RunFrames
     notes: tuple[str, ...]
-    obstacle: str
+    incomparable_reason: str
     points: pd.DataFrame
     cases: pd.DataFrame
     solvers: pd.DataFrame
@@ -61,8 +62,8 @@ class Comparison:
         return f"<Comparison of {self.before.info.run_id} and {self.after.info.run_id}: {self.verdict}>"
 
     def _repr_html_(self) -> str:
-        heads = {"solver": "solver", "problems": "problems", "ratio": "time ratio", "low": "low", "high": "high"}
-        table = self.solvers[list(heads)].rename(columns=heads)
+        headings = {"solver": "solver", "problems": "problems", "ratio": "time ratio", "low": "low", "high": "high"}
+        table = self.solvers[list(headings)].rename(columns=headings)
         return (
             f"<h4>{escape(self.before.info.run_id)} and {escape(self.after.info.run_id)}</h4>"
             f"<p>{escape(self.verdict)}</p>"
@@ -96,8 +97,8 @@ class Comparison:
         ]
         changes = "; ".join(part for part in parts if part)
         solved = changes or "both runs solve the same points"
-        if self.obstacle:
-            return f"cannot tell which solvers are slower or faster: {self.obstacle}; {solved}"
+        if self.incomparable_reason:
+            return f"cannot tell which solvers are slower or faster: {self.incomparable_reason}; {solved}"
         if not self.has_intervals:
             return f"times are undecided, {self._undecided_reason}; {solved}"
         return changes or f"no solver is slower or faster by more than {100 * self.slowdown:g} %; {solved}"
@@ -128,8 +129,8 @@ class Comparison:
         sentences = []
         for condition, slowdown in read_conditions(fail_on).items():
             names = _points_in_words(self.changed(UNSOLVED)) if slowdown is None else self.slower(slowdown)
-            if slowdown is not None and (self.obstacle or not self.has_intervals):
-                sentences.append(f"{condition} cannot be decided: {self.obstacle or self._undecided_reason}")
+            if slowdown is not None and (self.incomparable_reason or not self.has_intervals):
+                sentences.append(f"{condition} cannot be decided: {self.incomparable_reason or self._undecided_reason}")
             elif names:
                 sentences.append(f"{condition}: {_names(names)}")
         return sentences
@@ -165,10 +166,16 @@ def compare_runs(before: RunFrames, after: RunFrames, slowdown: float = SLOWDOWN
     """Compare two runs; see ``proxbench.bench.compare``."""
     pairing = pair(before, after)
     times = compare_times(pairing)
-    if pairing.obstacle:
+    if pairing.incomparable_reason:
         times = Times(times.points.iloc[:0], times.cases.iloc[:0], times.solvers.iloc[:0], scale=1.0)
     return Comparison(
-        pairing.before, pairing.after, pairing.notes, pairing.obstacle, *times, find_solved_changes(pairing), slowdown
+        pairing.before,
+        pairing.after,
+        pairing.notes,
+        pairing.incomparable_reason,
+        *times,
+        find_solved_changes(pairing),
+        slowdown,
     )
 
 

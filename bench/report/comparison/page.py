@@ -14,7 +14,7 @@ from ..layout.text import inline, json_records, markdown_frame
 from .comparison import Comparison
 
 
-def document(comparison: Comparison, failures: list[str]) -> dict[str, Any]:
+def comparison_document(comparison: Comparison, failures: list[str]) -> dict[str, Any]:
     """Return a comparison as one JSON object."""
     frames = {name: getattr(comparison, name) for name in ("solvers", "cases", "points", "changes")}
     return {
@@ -22,7 +22,7 @@ def document(comparison: Comparison, failures: list[str]) -> dict[str, Any]:
         "after": str(comparison.after.folder),
         "verdict": comparison.verdict,
         "failures": failures,
-        "obstacle": comparison.obstacle,
+        "incomparable_reason": comparison.incomparable_reason,
         "notes": list(comparison.notes),
         "scale": comparison.scale,
         **{name: json_records(frame) for name, frame in frames.items()},
@@ -30,12 +30,12 @@ def document(comparison: Comparison, failures: list[str]) -> dict[str, Any]:
 
 
 def print_comparison(comparison: Comparison, failures: list[str], console: Console) -> None:
-    """Print the differences, then the verdict and the failures."""
+    """Print the notes, the differences, the verdict and the failures."""
     for note in comparison.notes:
         console.print(Text(note, style="yellow"))
     for title, table in _tables(comparison):
         console.print(Text(title, style="bold"))
-        print_table(console, table, left_aligned=("problem", "change", "reason", "is"), optional=("reason", "before"))
+        print_table(console, table, left_aligned=("problem", "change", "reason"), optional=("reason", "before"))
         console.print()
     if len(comparison.solvers):
         console.print(Text(_legend(comparison), style="dim"))
@@ -62,33 +62,33 @@ def _tables(comparison: Comparison) -> list[tuple[str, pd.DataFrame]]:
     bounds = 1.0 / (1.0 + comparison.slowdown), 1.0 + comparison.slowdown
     cases = comparison.cases
     single_cases = cases[(cases["high"] < bounds[0]) | (cases["low"] > bounds[1])]
-    changes = comparison.changes.assign(to=comparison.changes["accuracy"].map(accuracy_tag))
-    shown = changes.rename(columns={"change": "is"})[["solver", "problem", "to", "is", "reason"]]
+    changes = comparison.changes.assign(accuracy=comparison.changes["accuracy"].map(accuracy_tag))
+    shown = changes[["solver", "problem", "accuracy", "change", "reason"]]
     tables = [
         ("times of each solver, over its problems", _shown_times(comparison, comparison.solvers)),
-        ("cases that are slower or faster by themselves", _shown_times(comparison, single_cases)),
-        ("accuracies that one run alone reaches", shown),
+        ("cases that are individually slower or faster", _shown_times(comparison, single_cases)),
+        ("accuracies that only one run reaches", shown),
     ]
     return [(title, table) for title, table in tables if len(table)]
 
 
 def _shown_times(comparison: Comparison, frame: pd.DataFrame) -> pd.DataFrame:
-    """Return rows of solvers or cases as texts, the slowest first."""
+    """Return the rows of solvers or cases as text, slowest first."""
     bound = 1.0 + comparison.slowdown
     frame = frame.sort_values("ratio", ascending=False, kind="stable")
     shown = frame[[name for name in ("solver", "problem", "problems") if name in frame]].astype(str)
-    for head in ("before", "after"):
-        shown[head] = frame[head].map(duration)
+    for column in ("before", "after"):
+        shown[column] = frame[column].map(duration)
     shown["ratio"] = frame["ratio"].map("{:.2f}".format)
     ends = zip(frame["low"], frame["high"], strict=True)
     shown["interval"] = [f"{low:.2f} to {high:.2f}" if np.isfinite(high) else "–" for low, high in ends]
-    shown["is"] = np.select([frame["low"] > bound, frame["high"] < 1.0 / bound], ["slower", "faster"], "")
+    shown["change"] = np.select([frame["low"] > bound, frame["high"] < 1.0 / bound], ["slower", "faster"], "")
     return shown
 
 
 def _legend(comparison: Comparison) -> str:
-    part = f"{100 * comparison.slowdown:g} %"
+    threshold = f"{100 * comparison.slowdown:g} %"
     return (
         f"ratio: times after over times before, divided by {comparison.scale:.3f}, the common factor of all solvers. "
-        f"slower, faster: by more than {part}, with simultaneous 95 % confidence over all cases."
+        f"slower, faster: by more than {threshold}, with simultaneous 95 % confidence over all cases."
     )

@@ -41,7 +41,7 @@ class Pairing:
         after: the second run, restricted in the same way.
         notes: sentences about omitted parts and other differences.
         accuracies: the common tolerances, from coarse to fine.
-        obstacle: why times are not comparable; empty if they are.
+        incomparable_reason: why times are not comparable; empty if they are.
         yardsticks: solvers that determine the scale of times: those not from plugins, or all if anything has changed.
         is_same_software: whether machine, package and libraries are unchanged, so that the yardsticks are certain.
     """
@@ -50,7 +50,7 @@ class Pairing:
     after: RunFrames
     notes: tuple[str, ...]
     accuracies: tuple[float, ...]
-    obstacle: str
+    incomparable_reason: str
     yardsticks: tuple[str, ...]
     is_same_software: bool
 
@@ -73,7 +73,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
     keys, left_out = _common_cases(before, after)
     tolerances = set(before.info.plan.tolerances) & set(after.info.plan.tolerances)
     if keys.empty or not tolerances:
-        lacking = "case (solver on a problem of the same name and numbers)" if keys.empty else "tolerance"
+        lacking = "case (solver on a problem with the same name and data)" if keys.empty else "tolerance"
         raise BenchError(
             f"{before.folder} and {after.folder} have no {lacking} in common; measure both with the same problems, "
             "solvers and tolerances."
@@ -90,7 +90,7 @@ def pair(before: RunFrames, after: RunFrames) -> Pairing:
         _restricted(after, keys, tolerances),
         (*notes, *left_out),
         tuple(sorted(tolerances, reverse=True)),
-        f"the machines differ: {'; '.join(hardware)}" if hardware else _load_obstacle(before, after),
+        f"the machines differ: {'; '.join(hardware)}" if hardware else _load_reason(before, after),
         solvers if changed else own_solvers,
         not changed,
     )
@@ -116,7 +116,7 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
     for column in CASE:
         sets = [dict.fromkeys(run.cases[column]) for run in (before, after)]
         for run, own, other in ((before, sets[0], sets[1]), (after, sets[1], sets[0])):
-            notes.append(_listing(f"{column}s of {run.folder} alone", [name for name in own if name not in other]))
+            notes.append(_listing(f"{column}s only in {run.folder}", [name for name in own if name not in other]))
     compared = [*CASE, "threads", "threads_used", "start"]
     both = before.cases[compared].merge(after.cases[compared], on=CASE)
     both = both[~both["problem"].isin(changed)]
@@ -146,7 +146,7 @@ def _restricted(run: RunFrames, keys: pd.DataFrame, tolerances: Iterable[float])
     return replace(run, cases=run.cases.merge(keys, on=CASE), points=points, rounds=rounds)
 
 
-def _load_obstacle(before: RunFrames, after: RunFrames) -> str:
+def _load_reason(before: RunFrames, after: RunFrames) -> str:
     """Return why times of two runs on one machine are not comparable; empty if they are."""
     if before.rounds.empty or after.rounds.empty:
         return ""

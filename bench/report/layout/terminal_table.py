@@ -43,9 +43,9 @@ def print_table(
         box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, gap - 1, 0, 0), show_edge=False
     )
     for column in shown.columns:
-        is_left = column == "solver" or column in left_aligned
+        is_left_aligned = column == "solver" or column in left_aligned
         printed.add_column(
-            Text(column), justify="left" if is_left else "right", no_wrap=column != "solver", overflow="fold"
+            Text(column), justify="left" if is_left_aligned else "right", no_wrap=column != "solver", overflow="fold"
         )
     for index, row in zip(shown.index, shown.itertuples(index=False), strict=True):
         cells = zip(shown.columns, row, strict=True)

@@ -27,23 +27,23 @@ def inline(value: object) -> str:
     return escape(line, quote=False).replace("|", r"\|")
 
 
-def markdown_table(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+def markdown_table(headings: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
     """Return a Markdown table; the caller escapes the cells with ``inline``."""
-    heads = list(map(str, head))
-    lines = (map(str, line) for line in (heads, ["---"] * len(heads), *rows))
+    columns = list(map(str, headings))
+    lines = (map(str, line) for line in (columns, ["---"] * len(columns), *rows))
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def markdown_frame(shown: Any) -> str:
     """Return a pandas frame of strings as a Markdown table, with escaped cells."""
-    heads = [inline(column).replace("\n", " ") for column in shown.columns]
-    return markdown_table(heads, shown.map(inline).itertuples(index=False))
+    columns = [inline(column).replace("\n", " ") for column in shown.columns]
+    return markdown_table(columns, shown.map(inline).itertuples(index=False))
 
 
 def latex_table(shown: Any) -> str:
     """Return a pandas frame of strings as a LaTeX table with ``booktabs`` rules; text between ``**`` becomes bold."""
-    heads = [str(column).replace("\n", " ") for column in shown.columns]
-    styled = shown.set_axis(heads, axis="columns").style.hide(axis="index")
+    columns = [str(column).replace("\n", " ") for column in shown.columns]
+    styled = shown.set_axis(columns, axis="columns").style.hide(axis="index")
     latex: str = styled.format(escape="latex").format_index(escape="latex", axis="columns").to_latex(hrules=True)
     return re.sub(r"\*\*(.+?)\*\*", r"\\textbf{\1}", latex).replace("≈", r"$\approx$")
 

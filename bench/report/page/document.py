@@ -118,9 +118,9 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
     info, factor = frames.info, drift(frames)
     plan, limits = info.plan, info.plan.limits
     machines = {session.machine.host: session.machine for session in info.sessions} or {"": info.machine}
-    is_single = len(machines) == 1
+    has_single_machine = len(machines) == 1
     tables: dict[str, dict[str, Any]] = {
-        "Machine" if is_single else f"Machine {host}": _hardware(machine) for host, machine in machines.items()
+        "Machine" if has_single_machine else f"Machine {host}": _hardware(machine) for host, machine in machines.items()
     }
     tables["Versions"], tables["Environment"] = info.machine.versions, info.machine.settings
     tables["Protocol"] = {
@@ -134,7 +134,7 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
         "probes": "unknown" if np.isnan(factor) else f"ratio of 90 % to 10 % quantile {factor:.2f}",
     }
     tables["Sessions"] = {
-        session.started + ("" if is_single else f" on {session.machine.host}"): f"to {session.finished}"
+        session.started + ("" if has_single_machine else f" on {session.machine.host}"): f"to {session.finished}"
         if session.finished
         else "interrupted"
         for session in info.sessions
@@ -223,11 +223,11 @@ def _cases(frames: RunFrames, accuracies: list[float]) -> dict[str, list[Any]]:
         "reason": list(map(join_texts, endings["reason"], endings["notes"])),
         "traceback": table["traceback"].str[-MAX_TEXT:].tolist(),
         "stderr": table["stderr"].str[-MAX_TEXT:].tolist(),
-        "wall": _numbers(frames.cases["wall_seconds"], 4),
+        "wall": _rounded(frames.cases["wall_seconds"], 4),
         "memory": frames.cases["peak_memory_bytes"].astype(int).tolist(),
-        "residual": _numbers(table["residual"]),
-        "iterations": _numbers(table["iterations"]),
-        "seconds": [_numbers(seconds.get(name, [np.nan] * len(accuracies)), 7) for name in names],
+        "residual": _rounded(table["residual"]),
+        "iterations": _rounded(table["iterations"]),
+        "seconds": [_rounded(seconds.get(name, [np.nan] * len(accuracies)), 7) for name in names],
         "excluded": [[int(name in cases) for cases in excluded] for name in names],
         "claimed": [[int(name in cases) for cases in claimed] for name in names],
     }
@@ -235,7 +235,7 @@ def _cases(frames: RunFrames, accuracies: list[float]) -> dict[str, list[Any]]:
 
 def _points(frames: RunFrames) -> dict[str, list[Any]]:
     """Return the columns of all points, each with the number of its case."""
-    points, numbers = frames.points, _case_numbers(frames)
+    points, case_numbers = frames.points, _case_numbers(frames)
     digits = {
         "residual": ("residual", 4),
         "model_residual": ("model_residual", 3),
@@ -245,20 +245,20 @@ def _points(frames: RunFrames) -> dict[str, list[Any]]:
         "high": ("total_seconds_q3", 4),
     }
     return {
-        "case": [numbers[name] for name in zip(points["problem"], points["solver"], strict=True)],
+        "case": [case_numbers[name] for name in zip(points["problem"], points["solver"], strict=True)],
         "tolerance": points["tolerance"].tolist(),
         "outcome": points["outcome"].tolist(),
         "reason": list(map(join_texts, points["reason"], points["notes"])),
         "excluded": points["is_excluded"].fillna(False).astype(int).tolist(),
-        "iterations": _numbers(points["iterations"]),
-        **{name: _numbers(points[column], number) for name, (column, number) in digits.items()},
+        "iterations": _rounded(points["iterations"]),
+        **{name: _rounded(points[column], number) for name, (column, number) in digits.items()},
     }
 
 
 def _starts(frames: RunFrames) -> list[dict[str, Any]]:
     """Return the rows of ``starts_table``, with four digits."""
     return [
-        {str(name): value if isinstance(value, str) else _numbers([value], 4)[0] for name, value in row.items()}
+        {str(name): value if isinstance(value, str) else _rounded([value], 4)[0] for name, value in row.items()}
         for row in starts_table(frames).to_dict("records")
     ]
 
@@ -268,14 +268,14 @@ def _curves(frames: RunFrames) -> dict[str, list[Any]]:
 
     Curves are thinned to the limits of the page, and keep their last point.
     """
-    max_points, numbers = max(MIN_CURVE_POINTS, MAX_CURVE_POINTS // len(frames.cases)), _case_numbers(frames)
+    max_points, case_numbers = max(MIN_CURVE_POINTS, MAX_CURVE_POINTS // len(frames.cases)), _case_numbers(frames)
     curves: dict[str, list[Any]] = {"case": [], "iteration": [], "residual": []}
     drawable = frames.iterations[(frames.iterations["iteration"] > 0) & np.isfinite(frames.iterations["residual"])]
     for name, curve in drawable.groupby(CASE, sort=False):
         thinned = curve.iloc[np.unique(np.linspace(0, len(curve) - 1, min(max_points, len(curve))).astype(int))]
-        curves["case"].append(numbers[name])
+        curves["case"].append(case_numbers[name])
         curves["iteration"].append(thinned["iteration"].tolist())
-        curves["residual"].append(_numbers(thinned["residual"], 4))
+        curves["residual"].append(_rounded(thinned["residual"], 4))
     return curves
 
 
@@ -284,6 +284,6 @@ def _case_numbers(frames: RunFrames) -> dict[Any, int]:
     return {name: number for number, name in enumerate(names)}
 
 
-def _numbers(values: Iterable[float], digits: int = 17) -> list[float | None]:
+def _rounded(values: Iterable[float], digits: int = 17) -> list[float | None]:
     """Return numbers rounded to significant digits; None for those that are not finite."""
     return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in values]

@@ -62,11 +62,15 @@ class BoxPile:
     def system(self) -> RigidBodies:
         """Return the boxes between the walls."""
         half_width = 0.5 * self.side * self.pitch
-        fixed = [FixedBody(HalfSpace())]
+        fixed_bodies = [FixedBody(HalfSpace())]
         for (x, y), (a, b, c), angle in WALLS:
-            fixed.append(FixedBody(HalfSpace(), (half_width * x, half_width * y, 0.0), tuple(about((a, b, c), angle))))
-            fixed.append(FixedBody(HalfSpace(), (half_width * y, half_width * x, 0.0), tuple(about((b, a, c), -angle))))
-        return rigid_bodies([Box(self.size)] * self.n_boxes, np.full(self.n_boxes, self.mass), fixed, EFFECTS)
+            fixed_bodies.append(
+                FixedBody(HalfSpace(), (half_width * x, half_width * y, 0.0), tuple(about((a, b, c), angle)))
+            )
+            fixed_bodies.append(
+                FixedBody(HalfSpace(), (half_width * y, half_width * x, 0.0), tuple(about((b, a, c), -angle)))
+            )
+        return rigid_bodies([Box(self.size)] * self.n_boxes, np.full(self.n_boxes, self.mass), fixed_bodies, EFFECTS)
 
     def start(self) -> State:
         """Return the boxes at rest above the ground."""

@@ -100,7 +100,9 @@ def contact_names(problem: ContactProblem, contacts: ActiveContacts) -> list[str
     """
     row_of_contact = [0] * problem.n_contacts
     owners = contacts.for_rows(contacts.keys)
-    numbers = np.arange(problem.n_rows) - contacts.for_rows(contacts.first_rows)
+    row_numbers = np.arange(problem.n_rows) - contacts.for_rows(contacts.first_rows)
     for row in reversed(range(problem.n_rows)):
         row_of_contact[problem.layout.contact_of_row[row]] = row
-    return [f"{owners[row]}" if numbers[row] == 0 else f"{owners[row]} row {numbers[row]}" for row in row_of_contact]
+    return [
+        f"{owners[row]}" if row_numbers[row] == 0 else f"{owners[row]} row {row_numbers[row]}" for row in row_of_contact
+    ]

@@ -90,8 +90,8 @@ def _title(simulation: Simulation, begin: float) -> str:
     scene = simulation.plan.scene
     name = scene.name.replace("_", " ").capitalize()
     balls = f", {counted(scene.n_balls, 'ball')}" if scene.n_balls > 1 else ""
-    part = "" if begin == -np.inf else f" after {begin:.4g} s"
-    return f"{name}{balls} over time{part}"
+    suffix = "" if begin == -np.inf else f" after {begin:.4g} s"
+    return f"{name}{balls} over time{suffix}"
 
 
 def _subtitle(simulation: Simulation, n_steps: int, solves: int, switches: list[SwitchEvent]) -> str:

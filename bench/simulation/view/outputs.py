@@ -64,14 +64,14 @@ def choose_outputs(
     """
     chosen = SimulationOutputs(chart or own.chart, recording or own.recording)
     if chosen.chart is not None:
-        is_own = own.chart is not None and _picture(own.chart) == _picture(chosen.chart)
-        check_pictures_writable(chosen.chart, force or is_own)
+        is_own_file = own.chart is not None and _picture(own.chart) == _picture(chosen.chart)
+        check_pictures_writable(chosen.chart, force or is_own_file)
     if chosen.recording is not None:
-        is_own = own.recording is not None and os.path.abspath(own.recording) == os.path.abspath(chosen.recording)
+        is_own_file = own.recording is not None and os.path.abspath(own.recording) == os.path.abspath(chosen.recording)
         from ...recordings.file import check_recording_path  # rerun takes a second to import
 
-        check_recording_path(chosen.recording, force or is_own)
-        check_writable([chosen.recording], force or is_own)
+        check_recording_path(chosen.recording, force or is_own_file)
+        check_writable([chosen.recording], force or is_own_file)
     return chosen
 
 

@@ -121,11 +121,11 @@ def _switches_table(switches: list[SwitchEvent], names: Sequence[str]) -> Table:
     return table
 
 
-def plain_table(*heads: str) -> Table:
+def plain_table(*headings: str) -> Table:
     """Return a table without rows; words are aligned to the left, numbers to the right."""
     table = Table(box=box.SIMPLE_HEAD, header_style="dim", pad_edge=False, padding=(0, 1, 0, 0))
-    for head in heads:  # a string would be parsed as markup
-        table.add_column(Text(head), justify="left" if head in _LEFT else "right", no_wrap=True)
+    for heading in headings:  # a string would be parsed as markup
+        table.add_column(Text(heading), justify="left" if heading in _LEFT else "right", no_wrap=True)
     return table
 
 

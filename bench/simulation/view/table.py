@@ -120,15 +120,15 @@ def _final_errors(simulation: Simulation) -> dict[str, float]:
     }
 
 
-def document(simulation: Simulation) -> dict[str, Any]:
+def simulation_document(simulation: Simulation) -> dict[str, Any]:
     """Return plan, summary, windows, switching points and periods as JSON values."""
     rows = [_window_document(window) for window in windows(simulation)]
     return {
         "file": None if simulation.file is None else str(simulation.file),
         "plan": content_of(simulation.plan.record),
         "segments": [
-            {**content_of(segment), "first": part.start + 1, "last": part.stop}
-            for segment, part in _segments_with_steps(simulation)
+            {**content_of(segment), "first": step_slice.start + 1, "last": step_slice.stop}
+            for segment, step_slice in _segments_with_steps(simulation)
         ],
         "summary": summary(simulation),
         "windows": rows,
@@ -171,13 +171,13 @@ def print_simulation(simulation: Simulation, console: Console) -> None:
 def _print_segments(simulation: Simulation, console: Console) -> None:
     """Print the settings of each segment; the iteration limit has a column only if it differs between segments."""
     has_limits = len({segment.max_iterations for segment in simulation.segments}) > 1
-    heads = ["max iter."] if has_limits else []
-    table = plain_table("steps", "stepper", "solver", "tolerance", *heads, "start", "missed")
-    for segment, part in _segments_with_steps(simulation):
-        missed = int(simulation.unsolved[part].sum())
+    headings = ["max iter."] if has_limits else []
+    table = plain_table("steps", "stepper", "solver", "tolerance", *headings, "start", "missed")
+    for segment, step_slice in _segments_with_steps(simulation):
+        missed = int(simulation.unsolved[step_slice].sum())
         limits = [str(segment.max_iterations)] if has_limits else []
         table.add_row(
-            Text(f"{part.start + 1}–{part.stop}"),
+            Text(f"{step_slice.start + 1}–{step_slice.stop}"),
             *map(Text, (segment.stepper, segment.solver, f"{segment.tolerance:.0e}", *limits, segment.start)),
             Text(str(missed or "–"), style="bold red" if missed else ""),
         )
@@ -229,14 +229,14 @@ def _print_windows(simulation: Simulation, console: Console) -> None:
         absent.add("E [J]")
     if not simulation.has_hidden_errors.any():
         absent.add("local")
-    columns = {head: cell for head, cell in _COLUMNS.items() if head not in absent}
+    columns = {heading: cell for heading, cell in _COLUMNS.items() if heading not in absent}
     for observable in simulation.plan.scene.observables:
         if observable.label:
             columns[observable.head or observable.name] = _observed_cell(observable)
     table = plain_table(*columns)
     for window in windows(simulation):
         styles = {"missed": "bold red"} if window.unsolved else {}
-        table.add_row(*(Text(cell(window), style=styles.get(head, "")) for head, cell in columns.items()))
+        table.add_row(*(Text(cell(window), style=styles.get(heading, "")) for heading, cell in columns.items()))
     if console.measure(table, options=console.options.update(width=500)).maximum > console.width:
         table.padding = (0, 0, 0, 0)  # narrower columns avoid truncated numbers
     console.print(table)
@@ -322,9 +322,9 @@ def _ending_line(simulation: Simulation) -> tuple[str, str] | None:
     return None
 
 
-def _window(simulation: Simulation, part: slice, unsolved: int) -> Window:
+def _window(simulation: Simulation, step_slice: slice, unsolved: int) -> Window:
     """Return the window of the steps with the indices ``part``, ``unsolved`` of which are unsolved."""
-    steps = simulation.steps[part]
+    steps = simulation.steps[step_slice]
     last, scene = steps[-1], simulation.plan.scene
     energy = float(last["kinetic_energy"] + last["potential_energy"])
     largest = ("residual", "local_residual", "penetration", "impact_depth")

@@ -153,8 +153,8 @@ def _missing_shards(plans: Sequence[PlanRecord]) -> list[str]:
     """Return a sentence for each missing shard of a divided run."""
     if not _are_shards(plans):
         return []
-    count, numbers = _shard(plans[0])[1], {_shard(plan)[0] for plan in plans}
-    return [f"shard {number}/{count} is missing." for number in range(1, count + 1) if number not in numbers]
+    count, shard_numbers = _shard(plans[0])[1], {_shard(plan)[0] for plan in plans}
+    return [f"shard {number}/{count} is missing." for number in range(1, count + 1) if number not in shard_numbers]
 
 
 def _merged_plan(plans: Sequence[PlanRecord]) -> PlanRecord:

@@ -112,8 +112,8 @@ def _judge_again(case: CaseRecord, problem: ContactProblem, result: RejudgeResul
     Raises:
         _Disagreement: if a number or an outcome disagrees.
     """
-    sizes = problem.digest, problem.n_rows, problem.n_contacts
-    if (case.digest, case.n_rows, case.n_contacts) != sizes:
+    identity = problem.digest, problem.n_rows, problem.n_contacts
+    if (case.digest, case.n_rows, case.n_contacts) != identity:
         raise _Disagreement("it was measured on a problem with other numbers")
     try:
         model = Model.from_text(case.model)
@@ -141,8 +141,8 @@ def _claim_fault(point: Point, model: Model) -> str:
         return "its two residuals differ, but must be equal under Coulomb's law"
     counts = f"it counts as {point.outcome.value}"
     if point.status != Status.SOLVED:
-        is_claim = point.outcome in (Outcome.SOLVED, Outcome.RELAXED)
-        return f"{counts}, and the status of its solver is {point.status!r}" if is_claim else ""
+        claims_solution = point.outcome in (Outcome.SOLVED, Outcome.RELAXED)
+        return f"{counts}, and the status of its solver is {point.status!r}" if claims_solution else ""
     possible = {claim_outcome(tolerance, model, own, coulomb), Outcome.TIME_LIMIT}
     if Outcome.SOLVED in possible:
         possible.add(Outcome.RELAXED)  # the two residuals may be those of different solves
@@ -183,18 +183,19 @@ def _judge_point(measured: Measured, problem: ContactProblem, model: Model, resu
 
 def _compare_verdict(measured: Measured, recomputed: Verdict, perturbed: Sequence[Verdict]) -> None:
     """Raise ``_Disagreement`` if a number of the stored verdict differs from the recomputed one."""
-    numbers, perturbed_numbers = recomputed.numbers(), [verdict.numbers() for verdict in perturbed]
-    if set(measured.verdict) != set(numbers):
+    recomputed_values, perturbed_values = (
+        recomputed.numeric_fields(),
+        [verdict.numeric_fields() for verdict in perturbed],
+    )
+    if set(measured.verdict) != set(recomputed_values):
         raise _Disagreement("its verdict does not have the entries of that of the judge")
-    for name, number in numbers.items():
+    for name, number in recomputed_values.items():
         stated = measured.verdict[name]
         if isinstance(number, bool) or number is None or isinstance(stated, bool):
             if stated is not number:
                 raise _Disagreement(f"{_claim_text(name)} {stated}, but the judge finds {number}")
         else:
-            changes = [
-                abs(number - number_of(values[name])) for values in perturbed_numbers if values[name] is not None
-            ]
+            changes = [abs(number - number_of(values[name])) for values in perturbed_values if values[name] is not None]
             change = max(changes, default=0.0)
             _compare(name, number_of(stated), number_of(number), change)
 

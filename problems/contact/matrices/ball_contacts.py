@@ -57,13 +57,13 @@ class BallContacts(DeferredPieces):
     def times(self, padded: FloatArray) -> FloatArray:
         """Return the product with a vector over lanes, shape (n_chunks · length,)."""
         product = np.zeros((self.n_chunks, LENGTH))
-        _times(*self.balls, padded.reshape(-1, WIDTH), product)
+        _write_product(*self.balls, padded.reshape(-1, WIDTH), product)
         return product.reshape(-1)
 
     def transposed_times(self, vector: FloatArray) -> FloatArray:
         """Return the product of the transpose with a vector over degrees of freedom, shape (n_blocks · width,)."""
         product = np.empty((self.n_blocks, WIDTH))
-        _transposed_times(*self.balls, vector.reshape(-1, LENGTH), product)
+        _write_transposed_product(*self.balls, vector.reshape(-1, LENGTH), product)
         return product.reshape(-1)
 
     def delassus_diagonal(self, inverse_diagonal: FloatArray) -> FloatArray:
@@ -134,7 +134,7 @@ def _write_pieces(chunks, normals, radii):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _times(chunks, normals, radii, padded, product):  # type: ignore[no-untyped-def]
+def _write_product(chunks, normals, radii, padded, product):  # type: ignore[no-untyped-def]
     n_balls = uint64(len(radii))
     for c in range(len(normals)):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
@@ -158,7 +158,7 @@ def _times(chunks, normals, radii, padded, product):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, fastmath={"contract"})
-def _transposed_times(chunks, normals, radii, motion, product):  # type: ignore[no-untyped-def]
+def _write_transposed_product(chunks, normals, radii, motion, product):  # type: ignore[no-untyped-def]
     n_balls = uint64(len(radii))
     for c in range(len(normals)):
         nx, ny, nz = normals[c, 0], normals[c, 1], normals[c, 2]

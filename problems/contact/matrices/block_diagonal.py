@@ -35,11 +35,11 @@ def block_inverse(mass: sp.csr_array[Any]) -> sp.csr_array[Any]:
     Raises:
         ProblemError: if a block of M is not symmetric positive definite, or M⁻¹ would have too many entries.
     """
-    sizes = block_sizes(mass)
-    if int((sizes**2).sum()) > MAX_ENTRIES:
+    component_sizes = block_sizes(mass)
+    if int((component_sizes**2).sum()) > MAX_ENTRIES:
         raise ProblemError(
-            f"M couples {int(sizes.max())} degrees of freedom with each other, and its inverse would have more than "
-            f"{MAX_ENTRIES} entries; give the problem by its Delassus matrix."
+            f"M couples {int(component_sizes.max())} degrees of freedom with each other, and its inverse would have "
+            f"more than {MAX_ENTRIES} entries; give the problem by its Delassus matrix."
         )
     pattern = mass.copy()
     pattern.eliminate_zeros()
@@ -55,8 +55,8 @@ def block_sizes(mass: sp.csr_array[Any]) -> IntArray:
     """Return the number of degrees of freedom in each diagonal block of M, for M in canonical CSR."""
     pattern = mass.copy()
     pattern.eliminate_zeros()
-    sizes: IntArray = np.diff(_sort_by_component(pattern.indptr, pattern.indices)[1])
-    return sizes
+    component_sizes: IntArray = np.diff(_sort_by_component(pattern.indptr, pattern.indices)[1])
+    return component_sizes
 
 
 def _diagonal_blocks(matrix: sp.csr_array[Any]) -> Iterator[tuple[IntArray, FloatArray]]:

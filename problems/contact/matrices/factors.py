@@ -15,7 +15,7 @@ from ...errors import ProblemError
 from ..blocks import BlockLayout
 from .block_diagonal import block_cholesky, block_inverse
 from .pieces import Pieces, cut_into_pieces
-from .user_matrices import as_matrix, check_finite, read_matrix, sparse_numbers, with_entries
+from .user_matrices import as_matrix, check_finite, read_matrix, sparse_arrays, with_entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,9 +237,9 @@ class Factors:
         product: FloatArray = self.force_directions.T @ self.inverse_mass.times(self.force_directions @ impulses)
         return product
 
-    def numbers(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
+    def labelled_arrays(self) -> list[tuple[str, np.ndarray[Any, Any]]]:
         """Return the labelled arrays that define W and M⁻¹."""
-        return [*sparse_numbers("W", self.force_directions), *sparse_numbers("Minv", self.inverse_mass.matrix)]
+        return [*sparse_arrays("W", self.force_directions), *sparse_arrays("Minv", self.inverse_mass.matrix)]
 
     def fresh(self) -> "Factors":
         """Return equal factors that share no memory with these."""

@@ -127,8 +127,10 @@ def _group_bytes() -> float:
 
 def _droppable_bytes(group: Path) -> int:
     """Return the cache memory of a control group, which the system frees on demand."""
-    sizes = re.findall(rf"^(?:{'|'.join(_DROPPABLE)}) (\d+)$", (group / "memory.stat").read_text(), re.MULTILINE)
-    return sum(map(int, sizes))
+    droppable_sizes = re.findall(
+        rf"^(?:{'|'.join(_DROPPABLE)}) (\d+)$", (group / "memory.stat").read_text(), re.MULTILINE
+    )
+    return sum(map(int, droppable_sizes))
 
 
 def _address_bytes() -> float:

@@ -108,13 +108,13 @@ class Pieces:
     def times(self, padded: FloatArray) -> FloatArray:
         """Return the product with a vector over lanes, shape (n_chunks · length,)."""
         product = np.zeros(self.n_chunks * self.length)
-        _times(*self.loops, self.n_chunks, padded.reshape(-1), product)
+        _write_product(*self.loops, self.n_chunks, padded.reshape(-1), product)
         return product
 
     def transposed_times(self, vector: FloatArray) -> FloatArray:
         """Return the product of the transpose with a vector over degrees of freedom, shape (n_blocks · width,)."""
         product = np.empty(self.n_blocks * self.width)
-        _transposed_times(*self.loops, self.n_chunks, vector, product)
+        _write_transposed_product(*self.loops, self.n_chunks, vector, product)
         return product
 
     def free_velocity(self, free_motion: FloatArray, velocity: FloatArray, restitution: FloatArray) -> FloatArray:
@@ -144,7 +144,7 @@ class Pieces:
         """
         if root_blocks.ndim == 1:
             values = np.empty_like(self.values)
-            _scaled_by_diagonal(self.chunks, self.values, self.n_chunks, root_blocks, values)
+            _write_scaled_by_diagonal(self.chunks, self.values, self.n_chunks, root_blocks, values)
         else:
             values = _scaled_by_blocks(self.chunks, self.values, root_blocks)
         return Pieces(self.starts, self.chunks, values, self.n_chunks)
@@ -238,7 +238,7 @@ def cut_into_pieces(columns: sp.csc_array[Any], root: FloatArray, layout: BlockL
 
 
 @njit(cache=True, fastmath={"contract"})
-def _times(lanes, axes, starts, chunks, values, idle, padded, product):  # type: ignore[no-untyped-def]
+def _write_product(lanes, axes, starts, chunks, values, idle, padded, product):  # type: ignore[no-untyped-def]
     one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
     for i in range(uint64(len(starts) - 1)):
         for p in range(uint64(starts[i]), uint64(starts[i + one])):
@@ -253,7 +253,7 @@ def _times(lanes, axes, starts, chunks, values, idle, padded, product):  # type:
 
 
 @njit(cache=True, fastmath={"contract"})
-def _transposed_times(lanes, axes, starts, chunks, values, idle, vector, product):  # type: ignore[no-untyped-def]
+def _write_transposed_product(lanes, axes, starts, chunks, values, idle, vector, product):  # type: ignore[no-untyped-def]
     one, width, length = uint64(1), uint64(len(lanes)), uint64(len(axes))
     for i in range(uint64(len(starts) - 1)):
         for lane in range(width):
@@ -279,7 +279,7 @@ def _write_square_sums(starts, values, sums):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _scaled_by_diagonal(chunks, values, idle, diagonal, scaled):  # type: ignore[no-untyped-def]
+def _write_scaled_by_diagonal(chunks, values, idle, diagonal, scaled):  # type: ignore[no-untyped-def]
     n_pieces, width, length = values.shape
     for p in range(n_pieces):
         for lane in range(width):

@@ -47,22 +47,22 @@ def checked_delassus(delassus: Any, n_rows: int, allow_asymmetric: bool) -> sp.c
         ProblemError: if G has the wrong shape, contains numbers that are not finite, or is not symmetric.
     """
     source = as_matrix(delassus, "G")
-    is_single = source.dtype == np.float32
+    is_single_precision = source.dtype == np.float32
     if source.shape != (n_rows, n_rows):
         raise ProblemError(f"G must have shape ({n_rows}, {n_rows}) to go with c, got {source.shape}.")
     matrix: sp.csr_array[Any] = read_matrix(source, "G", sp.csr_array)
     if allow_asymmetric:
         _check_diagonal(matrix)
         return matrix
-    if is_single:
+    if is_single_precision:
         _check_diagonal(matrix)
         _check_symmetry(matrix, SINGLE_SYMMETRY_TOLERANCE)
         matrix = sp.csr_array(0.5 * (matrix + matrix.T))
         read_only(matrix.data, matrix.indices, matrix.indptr)
-    tolerance = SINGLE_SYMMETRY_TOLERANCE if is_single else NEGATIVE_TOLERANCE
+    tolerance = SINGLE_SYMMETRY_TOLERANCE if is_single_precision else NEGATIVE_TOLERANCE
     dense = None
     if n_rows <= MAX_DENSE_ROWS:
-        dense = matrix.toarray() if is_single or sp.issparse(source) else source.astype(np.float64)
+        dense = matrix.toarray() if is_single_precision or sp.issparse(source) else source.astype(np.float64)
     is_sound = _is_sound_sparse(matrix, tolerance) if dense is None else _is_sound_dense(dense, tolerance)
     if not is_sound:  # the checks of each property find the entry to report
         _check_diagonal(matrix)
@@ -141,12 +141,12 @@ def _is_sound_dense(matrix: FloatArray, tolerance: float) -> bool:
     diagonal = matrix.diagonal()
     if (diagonal < 0.0).any():
         return False
-    sizes, root = np.abs(matrix), np.sqrt(diagonal)
-    excess = sizes - root[:, None] * root
+    magnitudes, root = np.abs(matrix), np.sqrt(diagonal)
+    excess = magnitudes - root[:, None] * root
     if (excess > tolerance * diagonal.max(initial=0.0)).any():
         return False
     difference = matrix - matrix.T
-    return not difference.any() or bool(np.abs(difference).max() <= SYMMETRY_TOLERANCE * sizes.max())
+    return not difference.any() or bool(np.abs(difference).max() <= SYMMETRY_TOLERANCE * magnitudes.max())
 
 
 def _has_cholesky_factor(matrix: FloatArray, shift: float) -> bool:

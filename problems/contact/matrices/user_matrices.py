@@ -111,7 +111,7 @@ def _empty_columns(shape: tuple[int, int]) -> sp.csc_array[Any]:
     return sp.csc_array(shape)
 
 
-def sparse_numbers(label: str, matrix: Any) -> list[tuple[str, np.ndarray[Any, Any]]]:
+def sparse_arrays(label: str, matrix: Any) -> list[tuple[str, np.ndarray[Any, Any]]]:
     """Return the labelled arrays of a canonical CSR or CSC matrix, with index types that do not depend on its size."""
     indices, starts = matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64)
     return [(label, matrix.data), (f"{label}.indices", indices), (f"{label}.indptr", starts)]

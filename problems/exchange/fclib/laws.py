@@ -72,8 +72,8 @@ def _laws_of_contacts(contents: Contents) -> Laws:
 
 def fclib_row_order(problem: ContactProblem) -> IntArray:
     """Return the rows of a problem in the order of FCLIB: those of contacts, then those of joints, shape (n_rows,)."""
-    is_joint = np.repeat(problem.laws.is_bilateral, problem.laws.row_count)
-    return np.argsort(is_joint, kind="stable")
+    is_joint_row = np.repeat(problem.laws.is_bilateral, problem.laws.row_count)
+    return np.argsort(is_joint_row, kind="stable")
 
 
 def contact_laws_of(problem: ContactProblem) -> ContactLaws:

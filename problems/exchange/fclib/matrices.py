@@ -68,8 +68,8 @@ def stored_matrix(matrix: sp.csr_array[Any] | sp.csc_array[Any], kind: int) -> d
     else:
         compressed = _compressed_class(kind)(matrix)
         indices, pointers, values, nz = compressed.indices, compressed.indptr, compressed.data, kind
-    numbers = {"nzmax": len(values), "m": matrix.shape[0], "n": matrix.shape[1], "nz": nz}
-    scalars = {name: np.array([number], dtype=np.int32) for name, number in numbers.items()}
+    counts = {"nzmax": len(values), "m": matrix.shape[0], "n": matrix.shape[1], "nz": nz}
+    scalars = {name: np.array([number], dtype=np.int32) for name, number in counts.items()}
     return {**scalars, "p": pointers.astype(np.int32), "i": indices.astype(np.int32), "x": values}
 
 

@@ -194,7 +194,7 @@ def _description_and_arrays(problem: ContactProblem) -> tuple[dict[str, Any], di
     else:
         arrays |= _compressed("G", problem.delassus())
     if problem.engine is not None:
-        arrays |= {label: _with_short_indices(array) for label, array in problem.engine.numbers().items()}
+        arrays |= {label: _with_short_indices(array) for label, array in problem.engine.labelled_arrays().items()}
     known = {} if problem.answer is None else vars(problem.answer)
     for key, value in known.items():
         if value is None or (key == "impulses" and not value):
@@ -235,7 +235,7 @@ def _problem(about: dict[str, Any], arrays: dict[str, Any]) -> tuple[ContactProb
         "answer": _answer(arrays),
         "allow_asymmetric": about["allow_asymmetric"],
         "keys": tuple(map(str, about.get("keys", ()))),
-        "engine": EngineModel.of_numbers(str(about["engine"]), arrays) if "engine" in about else None,
+        "engine": EngineModel.of_arrays(str(about["engine"]), arrays) if "engine" in about else None,
     }
     if "G.data" in arrays:
         matrix = compressed_matrix(sp.csr_array, arrays, "G")

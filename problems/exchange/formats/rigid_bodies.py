@@ -118,9 +118,9 @@ def _check_names(arrays: Arrays) -> None:
 
 
 def _check_pairs(first: IntArray, second: IntArray) -> None:
-    is_same = (first == second) & (first >= 0)
-    if is_same.any():
-        contact = int(np.argmax(is_same))
+    is_same_body = (first == second) & (first >= 0)
+    if is_same_body.any():
+        contact = int(np.argmax(is_same_body))
         raise ProblemError(
             f"contact {contact} has body {first[contact]} on both sides; 'body_1' and 'body_2' must differ."
         )

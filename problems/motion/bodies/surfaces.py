@@ -1,4 +1,4 @@
-"""Rigid surfaces that balls touch, with the gap and the normal at each contact."""
+"""Rigid surfaces for balls, with the gap and the normal at each contact."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,8 @@ from numba import njit
 from ...arrays import FloatArray, IntArray
 
 SurfaceContacts = tuple[IntArray, FloatArray, FloatArray]
-"""Balls that touch a surface and their gaps [m], shapes (m,), and unit normals from surface to centre, shape (m, d)."""
+"""Indices of the balls that overlap a surface and their gaps [m], shapes (k,), and unit normals out of the surface,
+shape (k, d)."""
 
 
 class Surface(Protocol):
@@ -48,7 +49,9 @@ class Plane:
 
 @dataclass(frozen=True)
 class Segment:
-    """A cone, a cylinder or a flat wall, whose cross-section is a segment in the half-plane (ρ, z), ρ from the axis.
+    """A cone, a cylinder or a flat wall, whose cross-section is a segment in the half-plane (ρ, z).
+
+    The coordinate ρ is the distance from the axis.
 
     Attributes:
         lower: lower end (ρ, z) [m].
@@ -61,7 +64,7 @@ class Segment:
     side: int = 0
 
     def find_contacts(self, centres: FloatArray, radii: FloatArray) -> SurfaceContacts:
-        """Return the balls beside the segment whose distance from it, on either side, is less than r.
+        """Return the balls whose centres lie beside the segment, on either side, at a distance less than r.
 
         Normals point towards the axis, even if a centre is behind the wall.
         """
@@ -74,11 +77,12 @@ class Segment:
 
 @dataclass(frozen=True)
 class Rim:
-    """The circle, or the corner in a planar scene, where a ``Segment`` begins; balls touch it below the wall.
+    """The circle, or the corner in a planar scene, where a ``Segment`` begins; balls overlap it below the wall.
 
     Attributes:
         point: (ρ, z) of the rim [m].
-        along: direction (ρ, z) of the wall that begins there; only balls behind its beginning touch the rim.
+        along: direction (ρ, z) of the wall that begins there. Only balls whose centres lie behind the rim, with respect
+            to this direction, overlap it.
         side: as ``Segment.side``.
     """
 

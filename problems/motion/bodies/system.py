@@ -351,11 +351,11 @@ class MechanicalSystem:
             contacts = np.flatnonzero(active).astype(np.int64)
             keys = np.append(contacts, len(active) + np.arange(self._n_joints))
             counts = self._row_counts[keys]
-            is_row = np.zeros(int(self._first_rows[-1]), dtype=np.bool_)
-            restitution = np.zeros(len(is_row))
+            is_active_row = np.zeros(int(self._first_rows[-1]), dtype=np.bool_)
+            restitution = np.zeros(len(is_active_row))
             for key in keys.tolist():
                 rows = slice(self._first_rows[key], self._first_rows[key + 1])
-                is_row[rows] = True
+                is_active_row[rows] = True
                 if key < len(active):
                     restitution[rows] = np.asarray(self.restitution_tangential)[key]
                     restitution[rows.start] = np.asarray(self.restitution_normal)[key]
@@ -364,13 +364,13 @@ class MechanicalSystem:
                 np.zeros(len(keys)),
                 self._laws(contacts),
                 _one_chunk(np.zeros((1, 0)), 1),
-                restitution[is_row],
+                restitution[is_active_row],
                 self.width,
                 None if self.has_equal_rows else counts,
             )
             if len(self._active) == MAX_PATTERNS:
                 del self._active[next(iter(self._active))]
-            self._active[pattern] = (np.flatnonzero(is_row), active_contacts)
+            self._active[pattern] = (np.flatnonzero(is_active_row), active_contacts)
         return self._active[pattern]
 
     def _laws(self, contacts: IntArray) -> Laws:

@@ -78,7 +78,7 @@ def find_with_coal(
     """
     coal = require_coal()
     keys: list[tuple[int, int, int]] = []
-    numbers: list[FloatArray] = []
+    geometry: list[FloatArray] = []
     for i, j in pairs.tolist():
         first, second = ((shapes[body], centres[body], rotations[body]) for body in (i, j))
         patch = list(_patch(coal, first, second, margin))
@@ -86,8 +86,8 @@ def find_with_coal(
         for feature, (point, normal, gap) in zip(_features(patch, axes), patch, strict=True):
             if gap < margin:
                 keys.append((i, j, feature))
-                numbers.append(np.array([*point, *-normal, gap]))
-    return np.array(keys, dtype=np.int64).reshape(-1, 3), np.array(numbers, dtype=np.float64).reshape(-1, 7)
+                geometry.append(np.array([*point, *-normal, gap]))
+    return np.array(keys, dtype=np.int64).reshape(-1, 3), np.array(geometry, dtype=np.float64).reshape(-1, 7)
 
 
 def _patch(coal: Any, first: _Body, second: _Body, margin: float) -> Iterator[tuple[FloatArray, FloatArray, float]]:

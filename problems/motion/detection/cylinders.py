@@ -31,41 +31,41 @@ def find_cylinders(
         margin: gap [m] below which a contact is reported.
     """
     capacity = 2 * (RIM_POINTS + 1) * len(pairs)
-    keys, numbers = np.empty((capacity, 3), dtype=np.int64), np.empty((capacity, 7))
-    count = _find(shapes, centres, rotations, pairs, margin, keys, numbers)
-    return keys[:count], numbers[:count]
+    keys, geometry = np.empty((capacity, 3), dtype=np.int64), np.empty((capacity, 7))
+    count = _find(shapes, centres, rotations, pairs, margin, keys, geometry)
+    return keys[:count], geometry[:count]
 
 
 @njit(cache=True)
-def _find(shapes, centres, rotations, pairs, margin, keys, numbers):  # type: ignore[no-untyped-def]
+def _find(shapes, centres, rotations, pairs, margin, keys, geometry):  # type: ignore[no-untyped-def]
     count = 0
     for k in range(len(pairs)):
         i, j = pairs[k]
         begin = count
         if shapes.kind[j] == PLANE:
-            body = centres[i], rotations[i], shapes.half[i], shapes.radius[i]
+            body = centres[i], rotations[i], shapes.half_length[i], shapes.radius[i]
             normal = np.ascontiguousarray(rotations[j][:, 2])
-            count = _on_plane(*body, centres[j], normal, margin, keys, numbers, count)
+            count = _write_plane_contacts(*body, centres[j], normal, margin, keys, geometry, count)
         elif shapes.kind[i] == SEGMENT:
-            body = centres[j], rotations[j], shapes.half[j], shapes.radius[j]
-            count = _on_ball(*body, centres[i], shapes.radius[i], 1.0, margin, keys, numbers, count)
+            body = centres[j], rotations[j], shapes.half_length[j], shapes.radius[j]
+            count = _write_ball_contact(*body, centres[i], shapes.radius[i], 1.0, margin, keys, geometry, count)
         else:
-            body = centres[i], rotations[i], shapes.half[i], shapes.radius[i]
-            count = _on_ball(*body, centres[j], shapes.radius[j], -1.0, margin, keys, numbers, count)
+            body = centres[i], rotations[i], shapes.half_length[i], shapes.radius[i]
+            count = _write_ball_contact(*body, centres[j], shapes.radius[j], -1.0, margin, keys, geometry, count)
         for c in range(begin, count):
             keys[c, 0], keys[c, 1] = i, j
     return count
 
 
 @njit(cache=True)
-def _on_plane(centre, rotation, half, radius, origin, normal, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_plane_contacts(centre, rotation, half_length, radius, origin, normal, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contacts of a cylinder with a plane through ``origin``; return the number of contacts."""
     axis = np.ascontiguousarray(rotation[:, 2])
     steepness = dot(axis, normal)
     down = steepness * axis - normal  # the downward direction within the ends
     sine = np.sqrt(dot(down, down))
     for end in range(2):
-        middle = centre + (half if end else -half) * axis
+        middle = centre + (half_length if end else -half_length) * axis
         for number in range(RIM_POINTS + 1):
             if number < RIM_POINTS:
                 angle = 2.0 * np.pi * number / RIM_POINTS
@@ -77,12 +77,12 @@ def _on_plane(centre, rotation, half, radius, origin, normal, margin, keys, numb
             gap = dot(point - origin, normal)
             if gap < margin:
                 feature = end * (RIM_POINTS + 1) + number
-                count = write_contact(keys, numbers, count, feature, point - gap * normal, normal, 1.0, gap)
+                count = write_contact(keys, geometry, count, feature, point - gap * normal, normal, 1.0, gap)
     return count
 
 
 @njit(cache=True)
-def _on_ball(centre, rotation, half, radius, ball, ball_radius, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_ball_contact(centre, rotation, half_length, radius, ball, ball_radius, sign, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contact of a cylinder with a ball if it is close; return the number of contacts."""
     axis = np.ascontiguousarray(rotation[:, 2])
     offset = ball - centre
@@ -91,9 +91,9 @@ def _on_ball(centre, rotation, half, radius, ball, ball_radius, sign, margin, ke
     distance = np.sqrt(dot(across, across))
     outward = across / distance if distance > 0.0 else np.ascontiguousarray(rotation[:, 0])
     side = 1.0 if along >= 0.0 else -1.0
-    beyond_end, beyond_side = abs(along) - half, distance - radius
+    beyond_end, beyond_side = abs(along) - half_length, distance - radius
     if beyond_end > 0.0 and beyond_side > 0.0:
-        foot = centre + side * half * axis + radius * outward
+        foot = centre + side * half_length * axis + radius * outward
         normal = side * beyond_end * axis + beyond_side * outward
         height = np.sqrt(dot(normal, normal))
         normal /= height
@@ -104,5 +104,5 @@ def _on_ball(centre, rotation, half, radius, ball, ball_radius, sign, margin, ke
         height, normal = beyond_side, outward
         foot = ball - height * normal
     if height - ball_radius < margin:
-        count = write_contact(keys, numbers, count, 0, foot, normal, sign, height - ball_radius)
+        count = write_contact(keys, geometry, count, 0, foot, normal, sign, height - ball_radius)
     return count

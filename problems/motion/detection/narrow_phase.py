@@ -79,21 +79,21 @@ def find_contacts(shapes: Sequence[Shape], poses: FloatArray, pairs: IntArray, m
     if counts[REFUSED]:
         raise ProblemError("a half-space cannot move: list it among the fixed bodies.")
     centres, rotations = np.ascontiguousarray(poses[:, :3]), rotation_matrices(poses[:, 3:])
-    round_shapes, parts = arrays.round_shapes, []
+    round_shapes, contact_parts = arrays.round_shapes, []
     for method in np.flatnonzero(counts):
         method_pairs = pairs if counts[method] == len(pairs) else pairs[methods == method]
         if method == BOXES:
-            part = _find_boxes(arrays, centres, rotations, method_pairs, margin)
+            contacts = _find_boxes(arrays, centres, rotations, method_pairs, margin)
         elif method == POLYHEDRA:
-            part = find_polyhedra(shapes, centres, rotations, method_pairs, margin)
+            contacts = find_polyhedra(shapes, centres, rotations, method_pairs, margin)
         elif method == ROUND:
-            part = find_round(round_shapes, arrays.packed, centres, rotations, method_pairs, margin=margin)
+            contacts = find_round(round_shapes, arrays.polyhedra, centres, rotations, method_pairs, margin=margin)
         elif method == CYLINDERS:
-            part = find_cylinders(round_shapes, centres, rotations, method_pairs, margin)
+            contacts = find_cylinders(round_shapes, centres, rotations, method_pairs, margin)
         else:
-            part = find_with_coal(shapes, centres, rotations, method_pairs, margin)
-        parts.append(part)
-    return _contact_set(parts)
+            contacts = find_with_coal(shapes, centres, rotations, method_pairs, margin)
+        contact_parts.append(contacts)
+    return _contact_set(contact_parts)
 
 
 @njit(cache=True)
@@ -121,22 +121,25 @@ def _find_boxes(
     arrays: ShapeArrays, centres: FloatArray, rotations: FloatArray, pairs: IntArray, margin: float
 ) -> tuple[IntArray, FloatArray]:
     """Return contacts of boxes with boxes and half-spaces; see ``find_polyhedra``."""
-    keys, numbers = np.empty((8 * len(pairs), 3), dtype=np.int64), np.empty((8 * len(pairs), 7))
+    keys, geometry = np.empty((8 * len(pairs), 3), dtype=np.int64), np.empty((8 * len(pairs), 7))
     axes = np.ascontiguousarray(rotations.transpose(0, 2, 1))
     is_plane = arrays.round_shapes.kind == PLANE
-    count = _write_box_contacts(pairs, centres, axes, arrays.half_sizes, is_plane, margin, keys, numbers)
-    return keys[:count], numbers[:count]
+    count = _write_box_contacts(pairs, centres, axes, arrays.half_sizes, is_plane, margin, keys, geometry)
+    return keys[:count], geometry[:count]
 
 
-def _contact_set(parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
+def _contact_set(contact_parts: list[tuple[IntArray, FloatArray]]) -> ContactSet:
     """Return contacts of several kinds of pairs in the order of bodies and features."""
-    if not parts:
-        parts = [(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)))]
-    if len(parts) == 1:
-        keys, numbers = parts[0]
-        return ContactSet(*_reordered(keys, numbers, _stable_order(keys)))
-    keys, numbers = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-    return ContactSet(*_reordered(keys, numbers, np.lexsort((keys[:, 2], keys[:, 1], keys[:, 0]))))
+    if not contact_parts:
+        contact_parts = [(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 7)))]
+    if len(contact_parts) == 1:
+        keys, geometry = contact_parts[0]
+        return ContactSet(*_reordered(keys, geometry, _stable_order(keys)))
+    keys, geometry = (
+        np.concatenate([contacts[0] for contacts in contact_parts]),
+        np.concatenate([contacts[1] for contacts in contact_parts]),
+    )
+    return ContactSet(*_reordered(keys, geometry, np.lexsort((keys[:, 2], keys[:, 1], keys[:, 0]))))
 
 
 @njit(cache=True)
@@ -157,7 +160,7 @@ def _stable_order(keys):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _reordered(keys, numbers, order):  # type: ignore[no-untyped-def]
+def _reordered(keys, geometry, order):  # type: ignore[no-untyped-def]
     """Return the fields of a ``ContactSet`` of contacts in the given order."""
     n = len(order)
     first, second, feature = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
@@ -166,13 +169,13 @@ def _reordered(keys, numbers, order):  # type: ignore[no-untyped-def]
         c = order[k]
         first[k], second[k], feature[k] = keys[c]
         for axis in range(3):
-            point[k, axis], normal[k, axis] = numbers[c, axis], numbers[c, 3 + axis]
-        gap[k] = numbers[c, 6]
+            point[k, axis], normal[k, axis] = geometry[c, axis], geometry[c, 3 + axis]
+        gap[k] = geometry[c, 6]
     return first, second, feature, point, normal, gap
 
 
 @njit(cache=True)
-def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys, numbers):  # type: ignore[no-untyped-def]
+def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys, geometry):  # type: ignore[no-untyped-def]
     """Write the contacts of all pairs; return their number.
 
     Most pairs are too far apart for a contact. The distance is tested first, without views of the arrays.
@@ -184,32 +187,32 @@ def _write_box_contacts(pairs, centres, axes, half_sizes, is_plane, margin, keys
             if _is_above(i, j, centres, axes, half_sizes, margin):
                 continue
             count = _write_plane_contacts(
-                centres[i], axes[i], half_sizes[i], centres[j], axes[j], margin, keys, numbers, count
+                centres[i], axes[i], half_sizes[i], centres[j], axes[j], margin, keys, geometry, count
             )
         else:
             axis, distance = _separating_axis(i, j, centres, axes, half_sizes, margin)
             if axis < 0:
                 continue
             bodies = centres[i], axes[i], half_sizes[i], centres[j], axes[j], half_sizes[j]
-            count = _write_box_on_box(*bodies, axis, distance, margin, keys, numbers, count)
+            count = _write_box_on_box(*bodies, axis, distance, margin, keys, geometry, count)
         for c in range(begin, count):
             keys[c, 0], keys[c, 1] = i, j
     return count
 
 
 @njit(cache=True)
-def _write(keys, numbers, count, feature, point, normal, sign, gap):  # type: ignore[no-untyped-def]
+def _write(keys, geometry, count, feature, point, normal, sign, gap):  # type: ignore[no-untyped-def]
     """Write a contact at a point halfway between the surfaces, with the normal sign · ``normal``; return the count."""
     keys[count, 2] = feature
     for axis in range(3):
-        numbers[count, axis] = point[axis]
-        numbers[count, 3 + axis] = sign * normal[axis]
-    numbers[count, 6] = gap
+        geometry[count, axis] = point[axis]
+        geometry[count, 3 + axis] = sign * normal[axis]
+    geometry[count, 6] = gap
     return count + 1
 
 
 @njit(cache=True)
-def _write_plane_contacts(centre, axes, half, origin, plane_axes, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_plane_contacts(centre, axes, half, origin, plane_axes, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contacts of the corners of a box with a plane."""
     normal, corner = plane_axes[2], np.empty(3)
     for number in range(8):
@@ -224,7 +227,7 @@ def _write_plane_contacts(centre, axes, half, origin, plane_axes, margin, keys, 
         if gap < margin:
             for axis in range(3):
                 corner[axis] -= 0.5 * gap * normal[axis]
-            count = _write(keys, numbers, count, number, corner, normal, 1.0, gap)
+            count = _write(keys, geometry, count, number, corner, normal, 1.0, gap)
     return count
 
 
@@ -280,21 +283,21 @@ def _separating_axis(i, j, centres, axes, half_sizes, margin):  # type: ignore[n
 
 
 @njit(cache=True)
-def _write_box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, axis, distance, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_box_on_box(c_a, r_a, h_a, c_b, r_b, h_b, axis, distance, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contacts of two boxes in the direction in which they overlap least; see ``_separating_axis``.
 
     A box has its centre c, its axes in the rows of r, and its half edge lengths h.
     """
     if axis < 3:
-        return _write_face_contacts(c_a, r_a, h_a, c_b, r_b, h_b, axis, -1.0, margin, keys, numbers, count)
+        return _write_face_contacts(c_a, r_a, h_a, c_b, r_b, h_b, axis, -1.0, margin, keys, geometry, count)
     if axis < 6:
-        return _write_face_contacts(c_b, r_b, h_b, c_a, r_a, h_a, axis - 3, 1.0, margin, keys, numbers, count)
+        return _write_face_contacts(c_b, r_b, h_b, c_a, r_a, h_a, axis - 3, 1.0, margin, keys, geometry, count)
     edges = axis - 6
-    return _write_edge_contact(c_a, r_a, h_a, c_b, r_b, h_b, edges // 3, edges % 3, distance, keys, numbers, count)
+    return _write_edge_contact(c_a, r_a, h_a, c_b, r_b, h_b, edges // 3, edges % 3, distance, keys, geometry, count)
 
 
 @njit(cache=True)
-def _write_face_contacts(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_face_contacts(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contacts of the reference face with the opposing face of the other box, clipped by its sides."""
     outward = 1.0 if dot((c_o[0] - c_r[0], c_o[1] - c_r[1], c_o[2] - c_r[2]), r_r[axis]) >= 0.0 else -1.0
     normal = outward * r_r[axis, 0], outward * r_r[axis, 1], outward * r_r[axis, 2]
@@ -329,12 +332,12 @@ def _write_face_contacts(c_r, r_r, h_r, c_o, r_o, h_o, axis, sign, margin, keys,
         if gap < margin:
             feature, half = 64 * pair_of_faces + 8 * edges[k - 1 if k else n - 1] + edges[k], 0.5 * gap
             point = x - half * normal[0], y - half * normal[1], z - half * normal[2]
-            count = _write(keys, numbers, count, feature, point, normal, sign, gap)
+            count = _write(keys, geometry, count, feature, point, normal, sign, gap)
     return count
 
 
 @njit(cache=True)
-def _write_edge_contact(c_a, r_a, h_a, c_b, r_b, h_b, a, b, gap, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_edge_contact(c_a, r_a, h_a, c_b, r_b, h_b, a, b, gap, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contact of the edges along axes a and b that face each other."""
     normal = np.cross(r_a[a], r_b[b])
     normal /= np.sqrt(dot(normal, normal))
@@ -355,4 +358,4 @@ def _write_edge_contact(c_a, r_a, h_a, c_b, r_b, h_b, a, b, gap, keys, numbers, 
     shift_a = (toward_a - cosine * toward_b) / (1.0 - cosine * cosine)
     shift_b = (cosine * toward_a - toward_b) / (1.0 - cosine * cosine)
     middle = 0.5 * (on_a + shift_a * along_a + on_b + shift_b * along_b)
-    return _write(keys, numbers, count, FACE_FEATURES + feature, middle, normal, -1.0, gap)
+    return _write(keys, geometry, count, FACE_FEATURES + feature, middle, normal, -1.0, gap)

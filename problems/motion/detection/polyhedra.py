@@ -84,7 +84,7 @@ def pack_polyhedra(shapes: tuple[object, ...]) -> PackedPolyhedra:
         edges += shape_edges
         for name, items in (("vertex", vertices), ("face", normals), ("edge", edges), ("direction", directions)):
             starts[name].append(len(items))
-    start = {name: np.array(numbers, dtype=np.int64) for name, numbers in starts.items()}
+    start = {name: np.array(indices, dtype=np.int64) for name, indices in starts.items()}
     return PackedPolyhedra(
         np.array(vertices, dtype=np.float64).reshape(-1, 3),
         start["vertex"],
@@ -135,9 +135,9 @@ def find_polyhedra(
         pairs: pairs of bodies, shape (n_pairs, 2).
         margin: gap [m] below which a contact is reported.
     """
-    keys, numbers = np.empty((MAX_CONTACTS * len(pairs), 3), dtype=np.int64), np.empty((MAX_CONTACTS * len(pairs), 7))
-    count = _write_contacts(pairs, centres, rotations, pack_polyhedra(shapes), margin, keys, numbers)
-    return keys[:count], numbers[:count]
+    keys, geometry = np.empty((MAX_CONTACTS * len(pairs), 3), dtype=np.int64), np.empty((MAX_CONTACTS * len(pairs), 7))
+    count = _write_contacts(pairs, centres, rotations, pack_polyhedra(shapes), margin, keys, geometry)
+    return keys[:count], geometry[:count]
 
 
 @njit(cache=True)
@@ -163,22 +163,22 @@ def _lowest(points, direction):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _write_contacts(pairs, centres, rotations, packed, margin, keys, numbers):  # type: ignore[no-untyped-def]
+def _write_contacts(pairs, centres, rotations, polyhedra, margin, keys, geometry):  # type: ignore[no-untyped-def]
     """Write the contacts of all pairs; return their number."""
     count, origin = 0, np.zeros(3)
     for k in range(len(pairs)):
         i, j = pairs[k]
         begin = count
-        corners_i = _world_points(packed.vertices, packed.vertex_start, i, centres[i], rotations[i])
-        if packed.face_start[j] == packed.face_start[j + 1]:
-            count = _polyhedron_on_plane(corners_i, centres[j], rotations[j], margin, keys, numbers, count)
+        corners_i = _world_points(polyhedra.vertices, polyhedra.vertex_start, i, centres[i], rotations[i])
+        if polyhedra.face_start[j] == polyhedra.face_start[j + 1]:
+            count = _write_plane_contacts(corners_i, centres[j], rotations[j], margin, keys, geometry, count)
         else:
-            corners_j = _world_points(packed.vertices, packed.vertex_start, j, centres[j], rotations[j])
-            normals_i = _world_points(packed.normals, packed.face_start, i, origin, rotations[i])
-            normals_j = _world_points(packed.normals, packed.face_start, j, origin, rotations[j])
+            corners_j = _world_points(polyhedra.vertices, polyhedra.vertex_start, j, centres[j], rotations[j])
+            normals_i = _world_points(polyhedra.normals, polyhedra.face_start, i, origin, rotations[i])
+            normals_j = _world_points(polyhedra.normals, polyhedra.face_start, j, origin, rotations[j])
             bodies = corners_i, normals_i, corners_j, normals_j
-            count = _polyhedron_on_polyhedron(
-                packed, i, j, *bodies, centres[j] - centres[i], margin, keys, numbers, count
+            count = _write_polyhedron_contacts(
+                polyhedra, i, j, *bodies, centres[j] - centres[i], margin, keys, geometry, count
             )
         for c in range(begin, count):
             keys[c, 0], keys[c, 1] = i, j
@@ -186,49 +186,49 @@ def _write_contacts(pairs, centres, rotations, packed, margin, keys, numbers):  
 
 
 @njit(cache=True)
-def _write(keys, numbers, count, feature, point, normal, gap):  # type: ignore[no-untyped-def]
+def _write(keys, geometry, count, feature, point, normal, gap):  # type: ignore[no-untyped-def]
     keys[count, 2] = feature
     for axis in range(3):
-        numbers[count, axis] = point[axis]
-        numbers[count, 3 + axis] = normal[axis]
-    numbers[count, 6] = gap
+        geometry[count, axis] = point[axis]
+        geometry[count, 3 + axis] = normal[axis]
+    geometry[count, 6] = gap
     return count + 1
 
 
 @njit(cache=True)
-def _polyhedron_on_plane(corners, centre, rotation, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_plane_contacts(corners, centre, rotation, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     normal = np.ascontiguousarray(rotation[:, 2])
     for k in range(len(corners)):
         gap = dot(corners[k] - centre, normal)
         if gap < margin:
-            count = _write(keys, numbers, count, k, corners[k] - 0.5 * gap * normal, normal, gap)
+            count = _write(keys, geometry, count, k, corners[k] - 0.5 * gap * normal, normal, gap)
     return count
 
 
 @njit(cache=True)
-def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
-    packed, i, j, corners_i, normals_i, corners_j, normals_j, offset, margin, keys, numbers, count
+def _write_polyhedron_contacts(  # type: ignore[no-untyped-def]
+    polyhedra, i, j, corners_i, normals_i, corners_j, normals_j, offset, margin, keys, geometry, count
 ):
     """Write the contacts of two polyhedra; at equal separation, faces precede edges, and body ``i`` precedes ``j``."""
     size = np.sqrt(dot(offset, offset))
-    best, best_face, first_face_i, first_face_j = -np.inf, -1, packed.face_start[i], packed.face_start[j]
+    best, best_face, first_face_i, first_face_j = -np.inf, -1, polyhedra.face_start[i], polyhedra.face_start[j]
     n_i, n_j = len(normals_i), len(normals_j)
     for face in range(n_i + n_j):
         if face < n_i:
-            corner = corners_i[packed.loops[packed.loop_start[first_face_i + face]]]
+            corner = corners_i[polyhedra.loops[polyhedra.loop_start[first_face_i + face]]]
             distance = _lowest(corners_j, normals_i[face]) - dot(corner, normals_i[face])
         else:
-            corner = corners_j[packed.loops[packed.loop_start[first_face_j + face - n_i]]]
+            corner = corners_j[polyhedra.loops[polyhedra.loop_start[first_face_j + face - n_i]]]
             distance = _lowest(corners_i, normals_j[face - n_i]) - dot(corner, normals_j[face - n_i])
         if distance >= margin:
             return count
         if best_face < 0 or distance > best + SLACK * size:
             best, best_face = distance, face
     edge, best_axis = -1, np.zeros(3)
-    for a in range(packed.direction_start[i], packed.direction_start[i + 1]):
-        along_i = _along(packed, i, corners_i, packed.directions[a])
-        for b in range(packed.direction_start[j], packed.direction_start[j + 1]):
-            axis = np.cross(along_i, _along(packed, j, corners_j, packed.directions[b]))
+    for a in range(polyhedra.direction_start[i], polyhedra.direction_start[i + 1]):
+        along_i = _along(polyhedra, i, corners_i, polyhedra.directions[a])
+        for b in range(polyhedra.direction_start[j], polyhedra.direction_start[j + 1]):
+            axis = np.cross(along_i, _along(polyhedra, j, corners_j, polyhedra.directions[b]))
             length = np.sqrt(dot(axis, axis))
             if length < SLACK:
                 continue
@@ -237,26 +237,26 @@ def _polyhedron_on_polyhedron(  # type: ignore[no-untyped-def]
             if distance >= margin:
                 return count
             if distance > best + SLACK * size:
-                best, edge = distance, packed.directions[a]
+                best, edge = distance, polyhedra.directions[a]
                 best_axis[:] = axis
     if edge >= 0:
-        return _write_edge_contact(packed, i, j, corners_i, corners_j, best_axis, best, keys, numbers, count)
+        return _write_edge_contact(polyhedra, i, j, corners_i, corners_j, best_axis, best, keys, geometry, count)
     first, second = (corners_i, normals_i), (corners_j, normals_j)
     if best_face < n_i:
-        return _write_face_contacts(packed, i, j, *first, *second, best_face, -1.0, margin, keys, numbers, count)
-    return _write_face_contacts(packed, j, i, *second, *first, best_face - n_i, 1.0, margin, keys, numbers, count)
+        return _write_face_contacts(polyhedra, i, j, *first, *second, best_face, -1.0, margin, keys, geometry, count)
+    return _write_face_contacts(polyhedra, j, i, *second, *first, best_face - n_i, 1.0, margin, keys, geometry, count)
 
 
 @njit(cache=True)
-def _along(packed, body, corners, edge):  # type: ignore[no-untyped-def]
+def _along(polyhedra, body, corners, edge):  # type: ignore[no-untyped-def]
     """Return the unit vector along an edge."""
-    along = corners[packed.edges[edge, 1]] - corners[packed.edges[edge, 0]]
+    along = corners[polyhedra.edges[edge, 1]] - corners[polyhedra.edges[edge, 0]]
     return along / np.sqrt(dot(along, along))
 
 
 @njit(cache=True)
 def _write_face_contacts(  # type: ignore[no-untyped-def]
-    packed, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, numbers, count
+    polyhedra, r, o, corners_r, normals_r, corners_o, normals_o, face, sign, margin, keys, geometry, count
 ):
     """Write the contacts of a face of body ``r`` with the opposing face of body ``o``, clipped by its sides."""
     normal, facing, least_cosine = normals_r[face], 0, np.inf
@@ -264,16 +264,22 @@ def _write_face_contacts(  # type: ignore[no-untyped-def]
         cosine = dot(normal, normals_o[k])
         if cosine < least_cosine - SLACK:
             facing, least_cosine = k, cosine
-    begin, end = packed.loop_start[packed.face_start[o] + facing], packed.loop_start[packed.face_start[o] + facing + 1]
+    begin, end = (
+        polyhedra.loop_start[polyhedra.face_start[o] + facing],
+        polyhedra.loop_start[polyhedra.face_start[o] + facing + 1],
+    )
     (polygon, clipped), n = np.empty((2, MAX_CONTACTS, 3)), end - begin
     edges, clipped_edges = np.empty((2, MAX_CONTACTS), dtype=np.int64)
     for k in range(n):
-        polygon[k], edges[k] = corners_o[packed.loops[begin + k]], k
-    begin, end = packed.loop_start[packed.face_start[r] + face], packed.loop_start[packed.face_start[r] + face + 1]
-    base = corners_r[packed.loops[begin]]
+        polygon[k], edges[k] = corners_o[polyhedra.loops[begin + k]], k
+    begin, end = (
+        polyhedra.loop_start[polyhedra.face_start[r] + face],
+        polyhedra.loop_start[polyhedra.face_start[r] + face + 1],
+    )
+    base = corners_r[polyhedra.loops[begin]]
     for k in range(end - begin):
-        here = corners_r[packed.loops[begin + k]]
-        there = corners_r[packed.loops[begin + (k + 1) % (end - begin)]]
+        here = corners_r[polyhedra.loops[begin + k]]
+        there = corners_r[polyhedra.loops[begin + (k + 1) % (end - begin)]]
         across = np.cross(there - here, normal)
         length = np.sqrt(dot(across, across))
         across /= length
@@ -285,32 +291,32 @@ def _write_face_contacts(  # type: ignore[no-untyped-def]
         gap = dot(polygon[k] - base, normal)
         if gap < margin:
             feature = (number * EDGE_NUMBERS + edges[k - 1 if k else n - 1]) * EDGE_NUMBERS + edges[k]
-            count = _write(keys, numbers, count, feature, polygon[k] - 0.5 * gap * normal, sign * normal, gap)
+            count = _write(keys, geometry, count, feature, polygon[k] - 0.5 * gap * normal, sign * normal, gap)
     return count
 
 
 @njit(cache=True)
-def _write_edge_contact(packed, i, j, corners_i, corners_j, axis, gap, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_edge_contact(polyhedra, i, j, corners_i, corners_j, axis, gap, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contact of the edge of ``i`` farthest along ``axis`` with the edge of ``j`` farthest against it."""
-    a = _outermost(packed, i, corners_i, axis)
-    b = _outermost(packed, j, corners_j, -axis)
-    on_i, on_j = corners_i[packed.edges[a, 0]], corners_j[packed.edges[b, 0]]
-    along_i, along_j, between = _along(packed, i, corners_i, a), _along(packed, j, corners_j, b), on_j - on_i
+    a = _outermost(polyhedra, i, corners_i, axis)
+    b = _outermost(polyhedra, j, corners_j, -axis)
+    on_i, on_j = corners_i[polyhedra.edges[a, 0]], corners_j[polyhedra.edges[b, 0]]
+    along_i, along_j, between = _along(polyhedra, i, corners_i, a), _along(polyhedra, j, corners_j, b), on_j - on_i
     cosine, toward_i, toward_j = dot(along_i, along_j), dot(between, along_i), dot(between, along_j)
     squared_sine = max(1.0 - cosine * cosine, SLACK * SLACK)
     shift_i, shift_j = (toward_i - cosine * toward_j) / squared_sine, (cosine * toward_i - toward_j) / squared_sine
     middle = 0.5 * (on_i + shift_i * along_i + on_j + shift_j * along_j)
-    n_edges = packed.edge_start[j + 1] - packed.edge_start[j]
-    feature = FACE_FEATURES + (a - packed.edge_start[i]) * n_edges + (b - packed.edge_start[j])
-    return _write(keys, numbers, count, feature, middle, -axis, gap)
+    n_edges = polyhedra.edge_start[j + 1] - polyhedra.edge_start[j]
+    feature = FACE_FEATURES + (a - polyhedra.edge_start[i]) * n_edges + (b - polyhedra.edge_start[j])
+    return _write(keys, geometry, count, feature, middle, -axis, gap)
 
 
 @njit(cache=True)
-def _outermost(packed, body, corners, axis):  # type: ignore[no-untyped-def]
+def _outermost(polyhedra, body, corners, axis):  # type: ignore[no-untyped-def]
     """Return the edge whose two ends reach farthest along an axis."""
-    best, farthest = packed.edge_start[body], -np.inf
-    for edge in range(packed.edge_start[body], packed.edge_start[body + 1]):
-        reach = dot(corners[packed.edges[edge, 0]], axis) + dot(corners[packed.edges[edge, 1]], axis)
+    best, farthest = polyhedra.edge_start[body], -np.inf
+    for edge in range(polyhedra.edge_start[body], polyhedra.edge_start[body + 1]):
+        reach = dot(corners[polyhedra.edges[edge, 0]], axis) + dot(corners[polyhedra.edges[edge, 1]], axis)
         if reach > farthest:
             best, farthest = edge, reach
     return best

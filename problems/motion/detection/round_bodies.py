@@ -40,18 +40,18 @@ class RoundShapes(NamedTuple):
 
     Attributes:
         kind: PLANE, POLYHEDRON, SEGMENT or CYLINDER, shape (n,).
-        half: half the length along z [m], 0 for spheres, shape (n,).
+        half_length: half the length along z [m], 0 for spheres, shape (n,).
         radius: r [m], shape (n,).
     """
 
     kind: IntArray
-    half: FloatArray
+    half_length: FloatArray
     radius: FloatArray
 
 
 def find_round(
     shapes: RoundShapes,
-    packed: PackedPolyhedra,
+    polyhedra: PackedPolyhedra,
     centres: FloatArray,
     rotations: FloatArray,
     pairs: IntArray,
@@ -62,7 +62,7 @@ def find_round(
 
     Args:
         shapes: shapes of all bodies; one of each pair is a sphere or a capsule, and none is a cylinder.
-        packed: the polyhedra among the shapes.
+        polyhedra: the polyhedra among the shapes.
         centres: centres of the bodies [m], shape (n_bodies, 3).
         rotations: rotation matrices from body to world axes, shape (n_bodies, 3, 3).
         pairs: pairs of bodies, shape (n_pairs, 2).
@@ -70,20 +70,20 @@ def find_round(
     """
     capacity = MAX_CONTACTS * max(len(pairs), 1)
     while True:
-        keys, numbers = np.empty((capacity, 3), dtype=np.int64), np.empty((capacity, 7))
-        count = _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers)
+        keys, geometry = np.empty((capacity, 3), dtype=np.int64), np.empty((capacity, 7))
+        count = _find(shapes, polyhedra, centres, rotations, pairs, margin, keys, geometry)
         if count <= capacity:
-            return keys[:count], numbers[:count]
+            return keys[:count], geometry[:count]
         capacity = count
 
 
 @njit(cache=True)
-def write_contact(keys, numbers, count, feature, surface, normal, sign, gap):  # type: ignore[no-untyped-def]
+def write_contact(keys, geometry, count, feature, surface, normal, sign, gap):  # type: ignore[no-untyped-def]
     """Write a contact if the arrays have room for it; return the number of contacts, this one included.
 
     Args:
         keys: (first, second, feature) of contacts, filled here with the feature.
-        numbers: (point, normal, gap) of contacts.
+        geometry: (point, normal, gap) of contacts.
         count: number of contacts so far.
         feature: part of the pair that touches.
         surface: point on the surface of the body from which ``normal`` points outwards.
@@ -94,24 +94,24 @@ def write_contact(keys, numbers, count, feature, surface, normal, sign, gap):  #
     if count < len(keys):
         keys[count, 2] = feature
         for axis in range(3):
-            numbers[count, axis] = surface[axis] + 0.5 * gap * normal[axis]
-            numbers[count, 3 + axis] = sign * normal[axis]
-        numbers[count, 6] = gap
+            geometry[count, axis] = surface[axis] + 0.5 * gap * normal[axis]
+            geometry[count, 3 + axis] = sign * normal[axis]
+        geometry[count, 6] = gap
     return count + 1
 
 
 @njit(cache=True)
-def ends_of(centre, rotation, half):  # type: ignore[no-untyped-def]
+def ends_of(centre, rotation, half_length):  # type: ignore[no-untyped-def]
     """Return the ends of the segment along z, shape (2, 3)."""
     ends = np.empty((2, 3))
     for axis in range(3):
-        ends[0, axis] = centre[axis] - half * rotation[axis, 2]
-        ends[1, axis] = centre[axis] + half * rotation[axis, 2]
+        ends[0, axis] = centre[axis] - half_length * rotation[axis, 2]
+        ends[1, axis] = centre[axis] + half_length * rotation[axis, 2]
     return ends
 
 
 @njit(cache=True)
-def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # type: ignore[no-untyped-def]
+def _find(shapes, polyhedra, centres, rotations, pairs, margin, keys, geometry):  # type: ignore[no-untyped-def]
     count: Any = np.int64(0)  # with a literal, numba would compile the called functions twice
     for k in range(len(pairs)):
         i, j = pairs[k]
@@ -119,25 +119,31 @@ def _find(shapes, packed, centres, rotations, pairs, margin, keys, numbers):  # 
         sign = 1.0
         if shapes.kind[i] != SEGMENT:
             i, j, sign = j, i, -1.0  # from here on, j is the second body
-        ends, radius, half = ends_of(centres[i], rotations[i], shapes.half[i]), shapes.radius[i], shapes.half[i]
+        ends, radius, half_length = (
+            ends_of(centres[i], rotations[i], shapes.half_length[i]),
+            shapes.radius[i],
+            shapes.half_length[i],
+        )
         if shapes.kind[j] == PLANE:
             normal = np.ascontiguousarray(rotations[j][:, 2])
-            for end in range(2 if half > 0.0 else 1):
+            for end in range(2 if half_length > 0.0 else 1):
                 height = dot(ends[end] - centres[j], normal)
                 if height - radius < margin:
                     foot = ends[end] - height * normal
-                    count = write_contact(keys, numbers, count, end, foot, normal, sign, height - radius)
+                    count = write_contact(keys, geometry, count, end, foot, normal, sign, height - radius)
         elif shapes.kind[j] == SEGMENT:
-            other_ends = ends_of(centres[j], rotations[j], shapes.half[j])
-            bodies = ends, half, radius, other_ends, shapes.half[j], shapes.radius[j]
-            count = _write_segment_contacts(*bodies, margin, keys, numbers, count)
+            other_ends = ends_of(centres[j], rotations[j], shapes.half_length[j])
+            bodies = ends, half_length, radius, other_ends, shapes.half_length[j], shapes.radius[j]
+            count = _write_segment_contacts(*bodies, margin, keys, geometry, count)
         else:
             for end in range(2):
                 ends[end] = np.dot(rotations[j].T, ends[end] - centres[j])
-            count = _write_polyhedron_contacts(packed, j, ends, half, radius, sign, margin, keys, numbers, count)
+            count = _write_polyhedron_contacts(
+                polyhedra, j, ends, half_length, radius, sign, margin, keys, geometry, count
+            )
             for c in range(begin, min(count, len(keys))):  # from the axes of the polyhedron to those of the world
-                numbers[c, :3] = np.dot(rotations[j], numbers[c, :3]) + centres[j]
-                numbers[c, 3:6] = np.dot(rotations[j], numbers[c, 3:6])
+                geometry[c, :3] = np.dot(rotations[j], geometry[c, :3]) + centres[j]
+                geometry[c, 3:6] = np.dot(rotations[j], geometry[c, 3:6])
         for c in range(begin, min(count, len(keys))):
             keys[c, 0], keys[c, 1] = pairs[k]
     return count
@@ -167,13 +173,13 @@ def nearest_inside(p, p_end, q, q_end):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def is_between(fraction, half):  # type: ignore[no-untyped-def]
+def is_between(fraction, half_length):  # type: ignore[no-untyped-def]
     """Return whether a fraction of a segment, which may have no length, lies between its ends."""
-    return half > 0.0 and fraction > 0.0 and fraction < 1.0
+    return half_length > 0.0 and fraction > 0.0 and fraction < 1.0
 
 
 @njit(cache=True)
-def _write_ball_contact(keys, numbers, count, feature, x, r_x, y, r_y, fallback, margin):  # type: ignore[no-untyped-def]
+def _write_ball_contact(keys, geometry, count, feature, x, r_x, y, r_y, fallback, margin):  # type: ignore[no-untyped-def]
     """Write the contact of balls with centres x (first body) and y if they are close; use ``fallback`` if x = y."""
     normal = x - y
     distance = np.sqrt(dot(normal, normal))
@@ -183,11 +189,11 @@ def _write_ball_contact(keys, numbers, count, feature, x, r_x, y, r_y, fallback,
         normal /= distance
     else:
         normal[:] = fallback
-    return write_contact(keys, numbers, count, feature, y + r_y * normal, normal, 1.0, distance - r_x - r_y)
+    return write_contact(keys, geometry, count, feature, y + r_y * normal, normal, 1.0, distance - r_x - r_y)
 
 
 @njit(cache=True)
-def _write_segment_contacts(p, half_p, r_p, q, half_q, r_q, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_segment_contacts(p, half_p, r_p, q, half_q, r_q, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contacts of two segments with radii: of each end with the other segment, and between the ends.
 
     Two ends are in contact if each end is the point of its segment nearest to the other end.
@@ -202,45 +208,45 @@ def _write_segment_contacts(p, half_p, r_p, q, half_q, r_q, margin, keys, number
         t = nearest_on_segment(p[end], q[0], q[1])
         other = q[0] + t * (q[1] - q[0])
         if is_between(t, half_q) or nearest_on_segment(other, p[0], p[1]) == end:
-            count = _write_ball_contact(keys, numbers, count, end, p[end], r_p, other, r_q, fallback, margin)
+            count = _write_ball_contact(keys, geometry, count, end, p[end], r_p, other, r_q, fallback, margin)
     for end in range(2 if half_q > 0.0 else 1):
         s = nearest_on_segment(q[end], p[0], p[1])
         if is_between(s, half_p):
             other = p[0] + s * (p[1] - p[0])
-            count = _write_ball_contact(keys, numbers, count, 2 + end, other, r_p, q[end], r_q, fallback, margin)
+            count = _write_ball_contact(keys, geometry, count, 2 + end, other, r_p, q[end], r_q, fallback, margin)
     if half_p == 0.0:
         return count
     if half_q > 0.0:
         s, t = nearest_inside(p[0], p[1], q[0], q[1])
         if s >= 0.0:
             x, y = p[0] + s * (p[1] - p[0]), q[0] + t * (q[1] - q[0])
-            count = _write_ball_contact(keys, numbers, count, CROSSING, x, r_p, y, r_q, fallback, margin)
+            count = _write_ball_contact(keys, geometry, count, CROSSING, x, r_p, y, r_q, fallback, margin)
     return count
 
 
 @njit(cache=True)
-def nearest_on_polyhedron(packed, body, point, foot, normal):  # type: ignore[no-untyped-def]
+def nearest_on_polyhedron(polyhedra, body, point, foot, normal):  # type: ignore[no-untyped-def]
     """Return the distance between a point and a polyhedron [m], negative inside.
 
     Args:
-        packed: polyhedra.
+        polyhedra: polyhedra.
         body: index of the polyhedron.
         point: point in body axes [m], shape (3,).
         foot: filled with the nearest point of the surface [m], shape (3,).
         normal: filled with the outward unit normal, shape (3,).
     """
     highest, best, squared = -np.inf, 0, np.inf
-    for face in range(packed.face_start[body], packed.face_start[body + 1]):
-        height = _height(packed, body, face, point)
+    for face in range(polyhedra.face_start[body], polyhedra.face_start[body + 1]):
+        height = _height(polyhedra, body, face, point)
         if height > highest:
             highest, best = height, face
         if height > 0.0:
-            nearest = _nearest_on_face(packed, body, face, point, height)
+            nearest = _nearest_on_face(polyhedra, body, face, point, height)
             offset = point - nearest
             if dot(offset, offset) < squared:
                 squared = dot(offset, offset)
                 foot[:] = nearest
-    face_normal = packed.normals[best]
+    face_normal = polyhedra.normals[best]
     if highest <= 0.0:
         foot[:] = point - highest * face_normal
         normal[:] = face_normal
@@ -252,21 +258,21 @@ def nearest_on_polyhedron(packed, body, point, foot, normal):  # type: ignore[no
 
 
 @njit(cache=True)
-def _height(packed, body, face, point):  # type: ignore[no-untyped-def]
+def _height(polyhedra, body, face, point):  # type: ignore[no-untyped-def]
     """Return the height of a point above the plane of a face [m]."""
-    corner = packed.vertices[packed.vertex_start[body] + packed.loops[packed.loop_start[face]]]
-    return dot(point - corner, packed.normals[face])
+    corner = polyhedra.vertices[polyhedra.vertex_start[body] + polyhedra.loops[polyhedra.loop_start[face]]]
+    return dot(point - corner, polyhedra.normals[face])
 
 
 @njit(cache=True)
-def _nearest_on_face(packed, body, face, point, height):  # type: ignore[no-untyped-def]
+def _nearest_on_face(polyhedra, body, face, point, height):  # type: ignore[no-untyped-def]
     """Return the point of a face that is nearest to a point at ``height`` above the plane of the face."""
-    normal, begin, end = packed.normals[face], packed.loop_start[face], packed.loop_start[face + 1]
+    normal, begin, end = polyhedra.normals[face], polyhedra.loop_start[face], polyhedra.loop_start[face + 1]
     nearest, squared, is_above = point - height * normal, np.inf, True
     foot = nearest.copy()
     for k in range(begin, end):
-        here = packed.vertices[packed.vertex_start[body] + packed.loops[k]]
-        there = packed.vertices[packed.vertex_start[body] + packed.loops[k + 1 if k + 1 < end else begin]]
+        here = polyhedra.vertices[polyhedra.vertex_start[body] + polyhedra.loops[k]]
+        there = polyhedra.vertices[polyhedra.vertex_start[body] + polyhedra.loops[k + 1 if k + 1 < end else begin]]
         if dot(np.cross(there - here, foot - here), normal) >= 0.0:
             continue
         is_above = False
@@ -279,34 +285,36 @@ def _nearest_on_face(packed, body, face, point, height):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, keys, numbers, count):  # type: ignore[no-untyped-def]
+def _write_polyhedron_contacts(polyhedra, body, ends, half_length, radius, sign, margin, keys, geometry, count):  # type: ignore[no-untyped-def]
     """Write the contacts of a segment with a radius on a polyhedron, all in the axes of the polyhedron."""
-    corners, edges = packed.vertex_start[body], packed.edge_start[body]
-    n_corners, n_edges = packed.vertex_start[body + 1] - corners, packed.edge_start[body + 1] - edges
-    begin, finish, exit_face = _part_inside(packed, body, ends)
-    if half > 0.0 and begin < finish:
-        normal = packed.normals[exit_face]
+    corners, edges = polyhedra.vertex_start[body], polyhedra.edge_start[body]
+    n_corners, n_edges = polyhedra.vertex_start[body + 1] - corners, polyhedra.edge_start[body + 1] - edges
+    begin, finish, exit_face = _part_inside(polyhedra, body, ends)
+    if half_length > 0.0 and begin < finish:
+        normal = polyhedra.normals[exit_face]
         for end in range(2):
             point = ends[0] + (finish if end else begin) * (ends[1] - ends[0])
-            height = _height(packed, body, exit_face, point)
+            height = _height(polyhedra, body, exit_face, point)
             feature = 2 + n_edges + n_corners + end
-            count = write_contact(keys, numbers, count, feature, point - height * normal, normal, sign, height - radius)
+            count = write_contact(
+                keys, geometry, count, feature, point - height * normal, normal, sign, height - radius
+            )
         return count
     foot, normal = np.empty(3), np.empty(3)
-    for end in range(2 if half > 0.0 else 1):
-        distance = nearest_on_polyhedron(packed, body, ends[end], foot, normal)
+    for end in range(2 if half_length > 0.0 else 1):
+        distance = nearest_on_polyhedron(polyhedra, body, ends[end], foot, normal)
         if distance - radius < margin:
-            count = write_contact(keys, numbers, count, end, foot, normal, sign, distance - radius)
-    if half == 0.0:
+            count = write_contact(keys, geometry, count, end, foot, normal, sign, distance - radius)
+    if half_length == 0.0:
         return count
     for k in range(n_edges + n_corners):
         if k < n_edges:
-            here = packed.vertices[corners + packed.edges[edges + k, 0]]
-            there = packed.vertices[corners + packed.edges[edges + k, 1]]
+            here = polyhedra.vertices[corners + polyhedra.edges[edges + k, 0]]
+            there = polyhedra.vertices[corners + polyhedra.edges[edges + k, 1]]
             s, t = nearest_inside(ends[0], ends[1], here, there)
             part_point = here + t * (there - here)
         else:
-            part_point = packed.vertices[corners + k - n_edges]
+            part_point = polyhedra.vertices[corners + k - n_edges]
             s = nearest_on_segment(part_point, ends[0], ends[1])
         if not 0.0 < s < 1.0:
             continue
@@ -315,22 +323,22 @@ def _write_polyhedron_contacts(packed, body, ends, half, radius, sign, margin, k
         distance = np.sqrt(dot(offset, offset))
         if distance - radius >= margin or distance == 0.0:
             continue
-        nearest_distance = nearest_on_polyhedron(packed, body, point, foot, normal)
+        nearest_distance = nearest_on_polyhedron(polyhedra, body, point, foot, normal)
         # if ``nearest_distance`` is smaller, the edge or corner faces away from the segment
-        if nearest_distance >= distance - DISTANCE_TOLERANCE * (radius + half):
-            count = write_contact(keys, numbers, count, 2 + k, part_point, offset / distance, sign, distance - radius)
+        if nearest_distance >= distance - DISTANCE_TOLERANCE * (radius + half_length):
+            count = write_contact(keys, geometry, count, 2 + k, part_point, offset / distance, sign, distance - radius)
     return count
 
 
 @njit(cache=True)
-def _part_inside(packed, body, ends):  # type: ignore[no-untyped-def]
+def _part_inside(polyhedra, body, ends):  # type: ignore[no-untyped-def]
     """Return the fractions at which a segment enters and leaves a polyhedron, and the face with the shortest exit.
 
     If the segment is outside, the first fraction is not below the second.
     """
     begin, finish, exit_face, highest = 0.0, 1.0, 0, -np.inf
-    for face in range(packed.face_start[body], packed.face_start[body + 1]):
-        first, last = _height(packed, body, face, ends[0]), _height(packed, body, face, ends[1])
+    for face in range(polyhedra.face_start[body], polyhedra.face_start[body + 1]):
+        first, last = _height(polyhedra, body, face, ends[0]), _height(polyhedra, body, face, ends[1])
         if min(first, last) > highest:
             exit_face, highest = face, min(first, last)
         if first > 0.0 and last > 0.0:

@@ -35,7 +35,7 @@ class ShapeArrays:
     round_shapes: RoundShapes
 
     @cached_property
-    def packed(self) -> PackedPolyhedra:
+    def polyhedra(self) -> PackedPolyhedra:
         """The polyhedra, boxes among them."""
         return pack_polyhedra(self.shapes)
 
@@ -53,7 +53,7 @@ def shape_arrays(shapes: tuple[Shape, ...]) -> ShapeArrays:
 
 def _make_arrays(shapes: tuple[Shape, ...]) -> ShapeArrays:
     n = len(shapes)
-    half_sizes, kind, half, radius = np.zeros((n, 3)), np.full(n, POLYHEDRON), np.zeros(n), np.zeros(n)
+    half_sizes, kind, half_length, radius = np.zeros((n, 3)), np.full(n, POLYHEDRON), np.zeros(n), np.zeros(n)
     for index, shape in enumerate(shapes):
         if isinstance(shape, Box):
             half_sizes[index] = 0.5 * np.array(shape.size)
@@ -61,10 +61,10 @@ def _make_arrays(shapes: tuple[Shape, ...]) -> ShapeArrays:
             kind[index] = PLANE
         elif isinstance(shape, Sphere | Capsule | Cylinder):
             kind[index] = CYLINDER if isinstance(shape, Cylinder) else SEGMENT
-            half[index] = 0.0 if isinstance(shape, Sphere) else 0.5 * shape.length
+            half_length[index] = 0.0 if isinstance(shape, Sphere) else 0.5 * shape.length
             radius[index] = shape.radius
     is_ball = np.array([isinstance(shape, Sphere) for shape in shapes], dtype=np.bool_)
-    return ShapeArrays(shapes, half_sizes, half_sizes[:, 0] > 0.0, is_ball, RoundShapes(kind, half, radius))
+    return ShapeArrays(shapes, half_sizes, half_sizes[:, 0] > 0.0, is_ball, RoundShapes(kind, half_length, radius))
 
 
 _cache: dict[int, ShapeArrays] = {}

@@ -55,7 +55,7 @@ class Force(ABC):
         """Return a copy of the system with this force."""
         potential = None
         if self.is_dissipative and self._matches_acceleration("is_dissipative"):
-            potential = _no_energy
+            potential = _zero_energy
         elif isinstance(self, Conservative) and self._matches_acceleration("potential_energy"):
             potential = self.potential_energy
         return replace(
@@ -85,7 +85,7 @@ class Force(ABC):
         """
 
 
-def _no_energy(centres: FloatArray, masses: FloatArray) -> float:
+def _zero_energy(centres: FloatArray, masses: FloatArray) -> float:
     return 0.0
 
 

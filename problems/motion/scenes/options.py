@@ -56,14 +56,14 @@ class Option:
         return self._checked_number(name, value)
 
     def _checked_number(self, name: str, value: object) -> int | float:
-        is_whole = isinstance(self.default, int)
-        types = (int, np.integer) if is_whole else (int, float, np.integer, np.floating)
+        is_integer = isinstance(self.default, int)
+        types = (int, np.integer) if is_integer else (int, float, np.integer, np.floating)
         if isinstance(value, types) and not isinstance(value, bool):
-            number = int(value) if is_whole else float(value)
+            number = int(value) if is_integer else float(value)
             # no option may be infinite, and NaN fails every comparison
             if self.lowest <= number <= self.highest and number < math.inf:
                 return number
-        kind = "a whole number" if is_whole else "a number"
+        kind = "a whole number" if is_integer else "a number"
         raise ProblemError(f"{name} must be {kind} {self._range()}, got {value!r}.")
 
     def _range(self) -> str:

@@ -384,8 +384,8 @@ class _Scale:
         travel = np.abs(self._system.move(self._start_position, speed, self._max_step) - self._start_position)
         scale = np.concatenate([np.maximum(self._range, travel), speed])
         size = np.abs(difference)
-        relative = np.divide(size, scale, out=np.where(size > 0.0, np.inf, 0.0), where=scale > 0.0)
-        return float(relative.max(initial=0.0))
+        relative_error = np.divide(size, scale, out=np.where(size > 0.0, np.inf, 0.0), where=scale > 0.0)
+        return float(relative_error.max(initial=0.0))
 
     def _update_velocity(self, velocity: FloatArray) -> None:
         self._momentum = max(self._momentum, float((np.abs(velocity) / self._mobility).max(initial=0.0)))

@@ -30,7 +30,7 @@ def solve_over_matrices(  # type: ignore[no-untyped-def]
     indptr,
     indices,
     data,
-    free_velocity,
+    free_velocities,
     tolerance,
     max_iterations,
     impulses,
@@ -46,14 +46,14 @@ def solve_over_matrices(  # type: ignore[no-untyped-def]
         begin, end = rows[k], rows[k + 1]
         starts = indptr[begin + k : end + k + 1]
         columns, values = indices[entries[k] : entries[k + 1]], data[entries[k] : entries[k + 1]]
-        free, answer = free_velocity[begin:end], impulses[begin:end]
+        free_velocity, answer = free_velocities[begin:end], impulses[begin:end]
         answer[:] = 0.0
         preparation, sweeps = _laws_of(laws, law_of_problem[k])
-        prepared = prepare_over_matrix(starts, columns, values, free, *preparation)
-        outcomes[k], iterations[k] = _sweep(prepared, free, sweeps, tolerance, max_iterations, answer)
+        prepared = prepare_over_matrix(starts, columns, values, free_velocity, *preparation)
+        outcomes[k], iterations[k] = _sweep(prepared, free_velocity, sweeps, tolerance, max_iterations, answer)
         if outcomes[k] != NOT_SOLVED:
-            velocity, rounding = np.empty(len(free)), np.empty(len(free))
-            write_accurate_over_matrix(starts, columns, values, free, answer, velocity, rounding)
+            velocity, rounding = np.empty(len(free_velocity)), np.empty(len(free_velocity))
+            write_accurate_over_matrix(starts, columns, values, free_velocity, answer, velocity, rounding)
             residuals[k] = _judge(prepared, sweeps, answer, velocity, rounding)
 
 
@@ -73,7 +73,7 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
     mass_indices,
     mass_data,
     root,
-    free_velocity,
+    free_velocities,
     tolerance,
     max_iterations,
     impulses,
@@ -90,15 +90,15 @@ def solve_over_columns(  # type: ignore[no-untyped-def]
         begin, end, dof, last_dof = rows[k], rows[k + 1], dofs[k], dofs[k + 1]
         starts = indptr[begin + k : end + k + 1]
         row_indices, values = indices[entries[k] : entries[k + 1]], data[entries[k] : entries[k + 1]]
-        free, answer = free_velocity[begin:end], impulses[begin:end]
+        free_velocity, answer = free_velocities[begin:end], impulses[begin:end]
         answer[:] = 0.0
         preparation, sweeps = _laws_of(laws, law_of_problem[k])
-        prepared = prepare_over_columns(starts, row_indices, values, root[dof:last_dof], free, *preparation)
-        outcomes[k], iterations[k] = _sweep(prepared, free, sweeps, tolerance, max_iterations, answer)
+        prepared = prepare_over_columns(starts, row_indices, values, root[dof:last_dof], free_velocity, *preparation)
+        outcomes[k], iterations[k] = _sweep(prepared, free_velocity, sweeps, tolerance, max_iterations, answer)
         if outcomes[k] != NOT_SOLVED:
             mass = mass_indptr[dof + k : last_dof + k + 1], mass_indices[dof:last_dof], mass_data[dof:last_dof]
-            velocity, rounding = np.empty(len(free)), np.empty(len(free))
-            write_accurate_over_factors(starts, row_indices, values, *mass, free, answer, velocity, rounding)
+            velocity, rounding = np.empty(len(free_velocity)), np.empty(len(free_velocity))
+            write_accurate_over_factors(starts, row_indices, values, *mass, free_velocity, answer, velocity, rounding)
             residuals[k] = _judge(prepared, sweeps, answer, velocity, rounding)
 
 
@@ -118,7 +118,7 @@ def _laws_of(laws, k):  # type: ignore[no-untyped-def]
         contacts,
         partner,
         friction,
-        fixed,
+        fixed_bound,
         partner_lanes,
         mu,
         bounds,
@@ -126,20 +126,20 @@ def _laws_of(laws, k):  # type: ignore[no-untyped-def]
     a, b = law_starts[k], law_starts[k + 1]
     c, d = row_starts[k], row_starts[k + 1]
     e, f = block_starts[k], block_starts[k + 1]
-    kinds, counts, firsts, partners = sets[a:b], row_count[a:b], first_row[a:b], partner_law[a:b]
-    preparation = (kinds, counts, is_rolling[a:b], firsts, partners, slot[c:d], contacts[c:d], partner[e:f])
-    block_arrays = (friction[e:f], fixed[e:f], partner_lanes[e:f])
-    return preparation, (*block_arrays, kinds, counts, firsts, mu[a:b], bounds[a:b], partners)
+    kinds, counts, first_rows, partners = sets[a:b], row_count[a:b], first_row[a:b], partner_law[a:b]
+    preparation = (kinds, counts, is_rolling[a:b], first_rows, partners, slot[c:d], contacts[c:d], partner[e:f])
+    block_arrays = (friction[e:f], fixed_bound[e:f], partner_lanes[e:f])
+    return preparation, (*block_arrays, kinds, counts, first_rows, mu[a:b], bounds[a:b], partners)
 
 
 @njit(cache=True, error_model="numpy")
-def _sweep(prepared, free, laws, tolerance, max_iterations, impulses):  # type: ignore[no-untyped-def]
+def _sweep(prepared, free_velocity, laws, tolerance, max_iterations, impulses):  # type: ignore[no-untyped-def]
     """Sweep from zero; return the outcome and the number of sweeps."""
     coupling, stuck, scale, starts, lanes, store = prepared
     if coupling == NEEDS_OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
         return NOT_SOLVED, 0
-    between_checks = max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // len(free))) if coupling == COUPLED else 1
-    arguments = (starts, lanes, store, scale, free, *laws, tolerance, max_iterations, between_checks, impulses)
+    between_checks = max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // len(free_velocity))) if coupling == COUPLED else 1
+    arguments = (starts, lanes, store, scale, free_velocity, *laws, tolerance, max_iterations, between_checks, impulses)
     if coupling == COUPLED:
         is_solved, count = sweep_coupled(*arguments)
     else:
@@ -153,11 +153,13 @@ def _judge(prepared, laws, impulses, velocity, rounding):  # type: ignore[no-unt
     _, _, scale, _, lanes, store = prepared
     friction, _, _, sets, row_count, first_row, mu, bounds, partner_law = laws
     width = len(impulses) // len(friction)
-    _, _, _, numbers, _ = cut_store(store, len(lanes) * width * width, len(impulses), len(friction), len(sets))
-    largest = write_squared_violations(sets, row_count, first_row, mu, bounds, partner_law, numbers, impulses, velocity)
+    _, _, _, law_values, _ = cut_store(store, len(lanes) * width * width, len(impulses), len(friction), len(sets))
+    largest = write_squared_violations(
+        sets, row_count, first_row, mu, bounds, partner_law, law_values, impulses, velocity
+    )
     for law in range(len(sets)):
         law_rounding = 0.0
         for row in range(first_row[law], first_row[law] + row_count[law]):
             law_rounding += rounding[row]
-        largest = max(largest, numbers[3, law] * numbers[1, law] * law_rounding)
+        largest = max(largest, law_values[3, law] * law_values[1, law] * law_rounding)
     return largest / scale

@@ -32,12 +32,12 @@ class LawArguments(NamedTuple):
         are_equal_contacts, *arrays = _lay_out_contacts(*law_arrays)
         if not are_equal_contacts:
             return None
-        sets, row_count, is_rolling, slot, contact_of_row, partner, friction, fixed, partner_lanes = arrays
-        read_only(sets, row_count, slot, partner, friction, fixed)
+        sets, row_count, is_rolling, slot, contact_of_row, partner, friction, fixed_bound, partner_lanes = arrays
+        read_only(sets, row_count, slot, partner, friction, fixed_bound)
         first_row = laws.first_row
         preparation = sets, row_count, is_rolling, first_row, laws.partner, slot, contact_of_row, partner
         residual = sets, row_count, first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner
-        return LawArguments(preparation, (friction, fixed, partner_lanes, *residual))
+        return LawArguments(preparation, (friction, fixed_bound, partner_lanes, *residual))
 
 
 _ARGUMENTS: WeakKeyDictionary[Laws, LawArguments | None] = WeakKeyDictionary()
@@ -53,7 +53,7 @@ def law_arguments(laws: Laws) -> LawArguments | None:
 
 @interpretable
 @njit(cache=True)
-def _lay_out_contacts(kind, partner_law, mu, fixed):  # type: ignore[no-untyped-def]
+def _lay_out_contacts(kind, partner_law, mu, fixed_bound):  # type: ignore[no-untyped-def]
     """Return whether the laws form contacts with equal numbers of rows, and the arrays of ``Laws`` and ``BlockLayout``.
 
     The arrays hold, for each law, its set, its number of rows and whether it is rolling friction; for each row, its
@@ -66,18 +66,18 @@ def _lay_out_contacts(kind, partner_law, mu, fixed):  # type: ignore[no-untyped-
         sets[law], row_count[law] = SET_OF_KIND[kind[law]], ROWS_OF_KIND[kind[law]]
         is_rolling[law] = kind[law] >= _FIRST_ROLLING
         n_rows += row_count[law]
-    slot, numbers, bounds = (
+    slot, indices, bounds = (
         np.empty(n_rows, dtype=np.int64),
         np.empty((5, n_laws), dtype=np.int64),
         np.empty((4, n_laws)),
     )
     is_bilateral = np.empty(n_laws, dtype=np.bool_)
-    laws = (sets, row_count, is_rolling, partner_law, mu, fixed)
-    sliding, width, n_blocks, n_joints = write_layout(*laws, slot, numbers, bounds, is_bilateral)
+    laws = (sets, row_count, is_rolling, partner_law, mu, fixed_bound)
+    sliding, width, n_blocks, n_joints = write_layout(*laws, slot, indices, bounds, is_bilateral)
     are_equal_contacts = width == 1 + sliding and n_joints == 0 and n_rows == width * n_blocks
-    partner, partner_lanes = numbers[3, :n_blocks], np.empty(n_blocks, dtype=np.uint64)
+    partner, partner_lanes = indices[3, :n_blocks], np.empty(n_blocks, dtype=np.uint64)
     for b in range(n_blocks):
         partner_lanes[b] = width * partner[b]
-    friction, fixed_bound = bounds[0, :n_blocks], bounds[1, :n_blocks]
-    arrays = (sets, row_count, is_rolling, slot, slot // width, partner, friction, fixed_bound, partner_lanes)
+    friction, block_fixed_bound = bounds[0, :n_blocks], bounds[1, :n_blocks]
+    arrays = (sets, row_count, is_rolling, slot, slot // width, partner, friction, block_fixed_bound, partner_lanes)
     return (are_equal_contacts, *arrays)

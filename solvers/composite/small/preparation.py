@@ -11,12 +11,12 @@ from ....problems.contact.coupling import components_over_matrix, components_ove
 from ....problems.contact.matrices.delassus import gather_blocks, multiply_pieces, write_diagonal
 from ....problems.contact.matrices.pieces import cut_columns
 from ...sweeps.step_size import write_step_sizes
-from ..sweep_selection import FACTORS_DENSITY_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
+from ..sweep_selection import FACTORS_READ_RATIO_ON_FEW_ROWS, RELAXATION, count_shared_chunks, couples_contacts
 
 NEEDS_OTHER_SWEEPS, UNCOUPLED, COUPLED = 0, 1, 2
 """Kinds of coupling: coupled contacts on which other sweeps are faster, uncoupled contacts, other coupled contacts."""
 
-ROWS_OF_NUMBERS = 5
+ROWS_OF_LAW_VALUES = 5
 """Number of rows of the array from which the residual is computed, as in ``Residual``."""
 
 N_WORK = 6
@@ -61,7 +61,7 @@ def prepare_over_columns(  # type: ignore[no-untyped-def]
     width = len(free_velocity) // len(partner)
     starts, chunks, values, n_chunks = cut_columns(indptr, indices, slot, len(partner), width, data, root)
     laws = (sets, row_count, is_rolling, first_row, partner_law)
-    return _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
+    return _prepare_over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
 
 
 @njit(cache=True)
@@ -82,19 +82,19 @@ def prepare_over_pieces(  # type: ignore[no-untyped-def]
 ):
     """Return the data of ``_pack_data`` for a problem given by the pieces of W̃ = Sᵀ W, with M⁻¹ = S Sᵀ."""
     laws = (sets, row_count, is_rolling, first_row, partner_law)
-    return _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
+    return _prepare_over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner)
 
 
 @njit(cache=True, error_model="numpy")
-def _over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner):  # type: ignore[no-untyped-def]
+def _prepare_over_pieces(starts, chunks, values, n_chunks, laws, free_velocity, slot, partner):  # type: ignore[no-untyped-def]
     """See ``prepare_over_pieces``."""
     coupling, component = UNCOUPLED, np.zeros(len(partner), dtype=np.int64)
     if len(partner) > 1:
         component = components_over_pieces(starts, chunks, values, n_chunks, partner)
         max_shared, pairs = count_shared_chunks(chunks, n_chunks)
         if max_shared > 1:
-            density = values.shape[1] ** 2 * pairs / max(2.0 * values.size, 1.0)
-            coupling = COUPLED if density <= FACTORS_DENSITY_ON_FEW_ROWS else NEEDS_OTHER_SWEEPS
+            read_ratio = values.shape[1] ** 2 * pairs / max(2.0 * values.size, 1.0)
+            coupling = COUPLED if read_ratio <= FACTORS_READ_RATIO_ON_FEW_ROWS else NEEDS_OTHER_SWEEPS
     diagonal = np.zeros(len(free_velocity))
     _add_square_sums(starts, values, diagonal)
     blocks = multiply_pieces(starts, chunks, values, n_chunks)
@@ -127,17 +127,17 @@ def _pack_data(coupling, blocks, diagonal, component, laws, free_velocity, slot)
     sets, row_count, is_rolling, first_row, partner_law = laws
     n_rows, n_blocks, n_laws = len(free_velocity), len(component), len(sets)
     width = n_rows // n_blocks
-    n_values, n_sizes, n_numbers = values.size, 2 * n_blocks, ROWS_OF_NUMBERS * n_laws
-    store = np.empty(n_values + n_sizes + n_rows + n_numbers + N_WORK * n_rows)
+    n_values, n_step_sizes, n_law_values = values.size, 2 * n_blocks, ROWS_OF_LAW_VALUES * n_laws
+    store = np.empty(n_values + n_step_sizes + n_rows + n_law_values + N_WORK * n_rows)
     store[:n_values] = values.reshape(-1)
     offset = n_values
-    sizes = store[offset : offset + n_sizes].reshape(n_blocks, 2)
-    sizes[:] = 0.0
-    write_step_sizes(slot, width, diagonal, RELAXATION if coupling == COUPLED else 1.0, sizes)
-    offset += n_sizes
+    step_sizes = store[offset : offset + n_step_sizes].reshape(n_blocks, 2)
+    step_sizes[:] = 0.0
+    write_step_sizes(slot, width, diagonal, RELAXATION if coupling == COUPLED else 1.0, step_sizes)
+    offset += n_step_sizes
     store[offset : offset + n_rows] = diagonal
     offset += n_rows
-    numbers = store[offset : offset + n_numbers].reshape(ROWS_OF_NUMBERS, n_laws)
+    law_values = store[offset : offset + n_law_values].reshape(ROWS_OF_LAW_VALUES, n_laws)
     law_arrays = (sets, row_count, is_rolling, first_row, partner_law)
-    stuck, scale = write_scales_and_ratios(*law_arrays, diagonal, free_velocity, component, slot, width, numbers)
+    stuck, scale = write_scales_and_ratios(*law_arrays, diagonal, free_velocity, component, slot, width, law_values)
     return coupling, stuck, scale, starts.view(np.uint64), (width * columns).astype(np.uint32), store

@@ -18,7 +18,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import MAX_SQUARED, MIN_SQUARED
 from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop, check_stop
 from ...iteration.stopping import MIN_PLATEAU_SWEEPS
-from ..sweep_selection import MAX_SMALL_SIZE, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
+from ..sweep_selection import MAX_SMALL_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
 from .laws import law_arguments
 from .preparation import COUPLED, NEEDS_OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
 from .sweeps import sweep_coupled, sweep_uncoupled
@@ -101,22 +101,22 @@ def prepare_small(
     None means that the problem is too large, has other laws or requires other sweeps, or that the kernels have not been
     loaded yet. For ``prepare_general``, see ``PreparedSmall``.
     """
-    free = problem.free_velocity
-    if not 0 < len(free) <= MAX_SMALL_SIZE or not _KERNELS.should_use():
+    free_velocity = problem.free_velocity
+    if not 0 < len(free_velocity) <= MAX_SMALL_ROWS or not _KERNELS.should_use():
         return None
     laws = law_arguments(problem.laws)
     if laws is None:
         return None
-    coupling, stuck, scale, *prepared = _prepare(problem, free, laws.preparation)
+    coupling, stuck, scale, *prepared = _prepare(problem, free_velocity, laws.preparation)
     if coupling == NEEDS_OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
         return None
-    return PreparedSmall(problem, coupling == COUPLED, (*prepared, scale, free, *laws.sweeps), prepare_general)
+    return PreparedSmall(problem, coupling == COUPLED, (*prepared, scale, free_velocity, *laws.sweeps), prepare_general)
 
 
-def _prepare(problem: ContactProblem, free: FloatArray, laws: tuple[Any, ...]) -> Any:
+def _prepare(problem: ContactProblem, free_velocity: FloatArray, laws: tuple[Any, ...]) -> Any:
     matrix, factors = problem.matrix, problem.factors
     if matrix is not None:
-        return prepare_over_matrix(matrix.indptr, matrix.indices, matrix.data, free, *laws)
+        return prepare_over_matrix(matrix.indptr, matrix.indices, matrix.data, free_velocity, *laws)
     assert factors is not None
     columns = factors.directions
     if not isinstance(columns, Pieces):
@@ -124,6 +124,6 @@ def _prepare(problem: ContactProblem, free: FloatArray, laws: tuple[Any, ...]) -
             root = factors.inverse_mass.root_diagonal
         else:
             root, columns = np.ones(factors.n_dofs), factors.scaled_directions
-        return prepare_over_columns(columns.indptr, columns.indices, columns.data, root, free, *laws)
+        return prepare_over_columns(columns.indptr, columns.indices, columns.data, root, free_velocity, *laws)
     pieces = problem.factor_pieces()
-    return prepare_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, free, *laws)
+    return prepare_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, free_velocity, *laws)

@@ -20,7 +20,7 @@ from ....problems.contact.solver import Solution, SolverError, Status, Stop
 from ....problems.exchange.catalog import load
 from ...iteration.cores import thread_requirement, usable_cores
 from ..robust import Robust
-from ..sweep_selection import MAX_SMALL_SIZE
+from ..sweep_selection import MAX_SMALL_ROWS
 from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
 from .laws import LawArguments, law_arguments
 from .preparation import COUPLED
@@ -119,8 +119,8 @@ class Batch(NamedTuple):
         outcomes, iterations = np.empty((2, n_problems), dtype=np.int64)
         limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS)
 
-        def solve_range(part: tuple[int, int]) -> None:
-            self.kernel(*part, *self.arguments, *limits, impulses, outcomes, iterations, residuals)
+        def solve_range(bounds: tuple[int, int]) -> None:
+            self.kernel(*bounds, *self.arguments, *limits, impulses, outcomes, iterations, residuals)
 
         if threads == 1:
             solve_range((0, n_problems))
@@ -128,8 +128,8 @@ class Batch(NamedTuple):
             parts = np.linspace(0, n_problems, PARTS_PER_THREAD * threads + 1).astype(int).tolist()
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(solve_range, pairwise(parts)))
-        numbers = zip(self.indices, outcomes.tolist(), iterations.tolist(), residuals.tolist(), strict=True)
-        for (index, outcome, count, residual), (begin, end) in zip(numbers, pairwise(self.rows), strict=True):
+        results = zip(self.indices, outcomes.tolist(), iterations.tolist(), residuals.tolist(), strict=True)
+        for (index, outcome, count, residual), (begin, end) in zip(results, pairwise(self.rows), strict=True):
             if outcome != NOT_SOLVED:
                 message = COUPLED_MESSAGE if outcome == COUPLED else UNCOUPLED_MESSAGE
                 yield index, Solution(impulses[begin:end].copy(), Status.SOLVED, count, message), residual
@@ -142,7 +142,7 @@ def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator
     """
     over_matrices, over_columns = _Members(), _Members()
     for index, problem in enumerate(problems):
-        is_small = 0 < problem.n_rows <= MAX_SMALL_SIZE and longest_seconds(problem.n_rows) <= max_seconds
+        is_small = 0 < problem.n_rows <= MAX_SMALL_ROWS and longest_seconds(problem.n_rows) <= max_seconds
         laws = law_arguments(problem.laws) if is_small else None
         if laws is None:
             continue
@@ -180,11 +180,11 @@ class _Members:
         self.problems: list[ContactProblem] = []
         self._laws: dict[int, LawArguments] = {}
         self._law_of_problem: list[int] = []
-        self._numbers: dict[int, int] = {}
+        self._law_numbers: dict[int, int] = {}
 
     def add(self, index: int, problem: ContactProblem, laws: LawArguments) -> None:
         """Add a problem with its index among all problems, and its laws."""
-        number = self._numbers.setdefault(id(laws), len(self._numbers))
+        number = self._law_numbers.setdefault(id(laws), len(self._law_numbers))
         self._laws[number] = laws
         self.indices.append(index)
         self.problems.append(problem)
@@ -194,9 +194,9 @@ class _Members:
         """Return the batch; ``matrices`` give the problems, and the kernel takes the ``extra`` arguments after them."""
         rows = [0, *accumulate(problem.n_rows for problem in self.problems)]
         entries = np.array([0, *accumulate(len(matrix.data) for matrix in matrices)])
-        free = _joined([problem.free_velocity for problem in self.problems])
+        free_velocity = _joined([problem.free_velocity for problem in self.problems])
         joined = self._joined_laws(), np.array(self._law_of_problem), np.array(rows), entries
-        return Batch(kernel, self.indices, rows, (*joined, *_joined_matrices(matrices), *extra, free))
+        return Batch(kernel, self.indices, rows, (*joined, *_joined_matrices(matrices), *extra, free_velocity))
 
     def _joined_laws(self) -> tuple[Any, ...]:
         """Return the laws in the form that the kernels of ``batch`` take."""
@@ -205,8 +205,8 @@ class _Members:
         sets, _, _, _, _, slot, _, partner = preparation  # arrays over laws, rows and contacts
         starts = [np.array([0, *map(int, accumulate(map(len, arrays)))]) for arrays in (sets, slot, partner)]
         sweeps = zip(*(arguments.sweeps for arguments in laws), strict=True)
-        friction, fixed, partner_lanes, _, _, _, law_friction, law_fixed, _ = sweeps
-        sweep_arrays = friction, fixed, partner_lanes, law_friction, law_fixed
+        friction, fixed_bound, partner_lanes, _, _, _, law_friction, law_fixed_bound, _ = sweeps
+        sweep_arrays = friction, fixed_bound, partner_lanes, law_friction, law_fixed_bound
         return (*starts, *map(_joined, [*preparation, *sweep_arrays]))
 
 

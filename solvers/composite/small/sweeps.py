@@ -26,7 +26,7 @@ from ...sweeps.delassus import (
 )
 from ...sweeps.safeguarded import INTERVALS, reduce_opposed_steps
 from ..windows import SHORT_WINDOW
-from .preparation import N_WORK, ROWS_OF_NUMBERS
+from .preparation import N_WORK, ROWS_OF_LAW_VALUES
 
 FIRST_INTERVAL, LAST_INTERVAL = INTERVALS[0], len(INTERVALS) - 1
 """Number of sweeps in the first interval of ``SafeguardedSORprox``, and index of its last interval."""
@@ -38,12 +38,12 @@ SOLVED, CONTINUE, UNUSUAL = 1, 0, -1
 @njit(cache=True, error_model="numpy")
 def cut_store(store, n_values, n_rows, n_blocks, n_laws):  # type: ignore[no-untyped-def]
     """Return the parts of the array that ``preparation`` fills: blocks, step sizes, diagonal, residual, work space."""
-    sizes_end = n_values + 2 * n_blocks
-    diagonal_end = sizes_end + n_rows
-    numbers_end = diagonal_end + ROWS_OF_NUMBERS * n_laws
-    values, sizes, diagonal = store[:n_values], store[n_values:sizes_end], store[sizes_end:diagonal_end]
-    numbers = store[diagonal_end:numbers_end].reshape(ROWS_OF_NUMBERS, n_laws)
-    return values, sizes, diagonal, numbers, store[numbers_end:].reshape(N_WORK, n_rows)
+    step_sizes_end = n_values + 2 * n_blocks
+    diagonal_end = step_sizes_end + n_rows
+    law_values_end = diagonal_end + ROWS_OF_LAW_VALUES * n_laws
+    values, step_sizes, diagonal = store[:n_values], store[n_values:step_sizes_end], store[step_sizes_end:diagonal_end]
+    law_values = store[diagonal_end:law_values_end].reshape(ROWS_OF_LAW_VALUES, n_laws)
+    return values, step_sizes, diagonal, law_values, store[law_values_end:].reshape(N_WORK, n_rows)
 
 
 @njit(cache=True, error_model="numpy")
@@ -52,9 +52,9 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
     lanes,
     store,
     scale,
-    free,
+    free_velocity,
     friction,
-    fixed,
+    fixed_bound,
     partner,
     sets,
     row_count,
@@ -68,20 +68,20 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
     impulses,
 ):
     """Sweep as ``SafeguardedSORprox`` does; return whether the tolerance was reached, and the number of sweeps."""
-    n_rows, n_blocks = len(free), len(friction)
+    n_rows, n_blocks = len(free_velocity), len(friction)
     width = n_rows // n_blocks
     n_values = len(lanes) * width * width
-    values, sizes, diagonal, numbers, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
-    velocity, before, previous, fraction = work[0], work[1], work[2], work[3, :n_blocks]
-    scaled = work[4:6].reshape(-1)[: 2 * n_blocks]
+    values, step_sizes, diagonal, law_values, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
+    velocity, second_last, previous, fraction = work[0], work[1], work[2], work[3, :n_blocks]
+    scaled_step_sizes = work[4:6].reshape(-1)[: 2 * n_blocks]
     fraction[:] = 1.0
-    scaled[:] = sizes
+    scaled_step_sizes[:] = step_sizes
     since_check, checks_since_reduction, interval = 0, 0, FIRST_INTERVAL
     progress, iteration = _begin_progress(), np.int64(0)
     while True:
-        _write_velocity(width, starts, lanes, values, free, impulses, velocity)
+        _write_velocity(width, starts, lanes, values, free_velocity, impulses, velocity)
         laws = (sets, row_count, first_row, mu, bounds, partner_law)
-        state, progress = _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity)
+        state, progress = _check(progress, iteration, tolerance, scale, laws, law_values, diagonal, impulses, velocity)
         if state != CONTINUE or iteration >= max_iterations:
             return state == SOLVED, iteration
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
@@ -89,20 +89,32 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
         while count > 0:
             sweeps_left = interval - since_check
             if sweeps_left == 2:
-                before[:] = impulses
+                second_last[:] = impulses
             elif sweeps_left == 1:
                 previous[:] = impulses
             step = min(count, sweeps_left - 2 if sweeps_left > 2 else 1)
-            _sweep(width, step, starts, lanes, values, free, scaled, friction, fixed, partner, impulses)
+            _sweep(
+                width,
+                step,
+                starts,
+                lanes,
+                values,
+                free_velocity,
+                scaled_step_sizes,
+                friction,
+                fixed_bound,
+                partner,
+                impulses,
+            )
             since_check += step
             count -= step
             if step == sweeps_left:
                 since_check, checks_since_reduction = 0, checks_since_reduction + 1
-                if reduce_opposed_steps(width, width - 1, 2, before, previous, impulses, sizes, fraction):
+                if reduce_opposed_steps(width, width - 1, 2, second_last, previous, impulses, step_sizes, fraction):
                     checks_since_reduction = 0
                     for i in range(n_blocks):
-                        scaled[2 * i] = sizes[2 * i] * fraction[i]
-                        scaled[2 * i + 1] = sizes[2 * i + 1] * fraction[i]
+                        scaled_step_sizes[2 * i] = step_sizes[2 * i] * fraction[i]
+                        scaled_step_sizes[2 * i + 1] = step_sizes[2 * i + 1] * fraction[i]
                 interval = INTERVALS[min(checks_since_reduction, LAST_INTERVAL)]
 
 
@@ -112,9 +124,9 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
     lanes,
     store,
     scale,
-    free,
+    free_velocity,
     friction,
-    fixed,
+    fixed_bound,
     partner,
     sets,
     row_count,
@@ -128,24 +140,26 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
     impulses,
 ):
     """Sweep as ``NSGS`` does, whose first sweep is nearly exact; see ``sweep_coupled``."""
-    n_rows, n_blocks = len(free), len(friction)
+    n_rows, n_blocks = len(free_velocity), len(friction)
     width = n_rows // n_blocks
     n_values = len(lanes) * width * width
-    values, _, diagonal, numbers, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
+    values, _, diagonal, law_values, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
     velocity, relaxation = work[0], work[1, :n_blocks]
     relaxation[:] = 1.0
     progress, iteration = _begin_progress(), np.int64(0)
     while True:
-        _write_velocity(width, starts, lanes, values, free, impulses, velocity)
+        _write_velocity(width, starts, lanes, values, free_velocity, impulses, velocity)
         laws = (sets, row_count, first_row, mu, bounds, partner_law)
-        state, progress = _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity)
+        state, progress = _check(progress, iteration, tolerance, scale, laws, law_values, diagonal, impulses, velocity)
         if state != CONTINUE or iteration >= max_iterations:
             return state == SOLVED, iteration
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
         iteration += count
         if iteration >= FIRST_INTERVAL:  # from here on, ``NSGS`` also compares increments
             return False, iteration
-        if not _solve_blocks(width, count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses):
+        if not _solve_blocks(
+            width, count, relaxation, starts, lanes, values, free_velocity, friction, fixed_bound, partner, impulses
+        ):
             return False, iteration
 
 
@@ -157,18 +171,20 @@ def _begin_progress():  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impulses, velocity):  # type: ignore[no-untyped-def]
+def _check(progress, iteration, tolerance, scale, laws, law_values, diagonal, impulses, velocity):  # type: ignore[no-untyped-def]
     """Return the result of a check by the criteria of ``Monitor`` and ``Window``, and the progress so far."""
     best, first, n_stale_checks, window_begin, window_residual = progress
     sets, row_count, first_row, mu, bounds, partner_law = laws
     violation = write_squared_violations(
-        sets, row_count, first_row, mu, bounds, partner_law, numbers, impulses, velocity
+        sets, row_count, first_row, mu, bounds, partner_law, law_values, impulses, velocity
     )
     residual = 0.0 if violation == 0.0 else violation / scale
     if not residual < np.inf:
         return UNUSUAL, progress
     if residual <= tolerance:
-        largest_term = find_largest_diagonal_term(row_count, first_row, numbers[3], numbers[1], diagonal, impulses)
+        largest_term = find_largest_diagonal_term(
+            row_count, first_row, law_values[3], law_values[1], diagonal, impulses
+        )
         return (SOLVED if RESOLUTION * largest_term / scale <= tolerance else UNUSUAL), progress
     if iteration == 0:
         first, window_residual = max(residual, 1.0), residual
@@ -187,37 +203,43 @@ def _check(progress, iteration, tolerance, scale, laws, numbers, diagonal, impul
 
 
 @njit(cache=True, error_model="numpy")
-def _write_velocity(width, starts, lanes, values, free, impulses, velocity):  # type: ignore[no-untyped-def]
+def _write_velocity(width, starts, lanes, values, free_velocity, impulses, velocity):  # type: ignore[no-untyped-def]
     if width == 3:
-        write_spatial_velocity(starts, lanes, values, free, impulses, velocity)
+        write_spatial_velocity(starts, lanes, values, free_velocity, impulses, velocity)
     else:
-        write_velocity(width, starts, lanes, values, free, impulses, velocity)
+        write_velocity(width, starts, lanes, values, free_velocity, impulses, velocity)
 
 
 @njit(cache=True, error_model="numpy")
 def _sweep(  # type: ignore[no-untyped-def]
-    width, count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses
+    width, count, starts, lanes, values, free_velocity, step_sizes, friction, fixed_bound, partner, impulses
 ):
     if width == 3:
-        sweep_spatial(count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses)
+        sweep_spatial(count, starts, lanes, values, free_velocity, step_sizes, friction, fixed_bound, partner, impulses)
     elif width == 2:
-        sweep_planar(count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses)
+        sweep_planar(count, starts, lanes, values, free_velocity, step_sizes, friction, fixed_bound, partner, impulses)
     else:
-        sweep_frictionless(count, starts, lanes, values, free, sizes, friction, fixed, partner, impulses)
+        sweep_frictionless(
+            count, starts, lanes, values, free_velocity, step_sizes, friction, fixed_bound, partner, impulses
+        )
 
 
 @njit(cache=True, error_model="numpy")
 def _solve_blocks(  # type: ignore[no-untyped-def]
-    width, count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
+    width, count, relaxation, starts, lanes, values, free_velocity, friction, fixed_bound, partner, impulses
 ):
     """Solve each contact ``count`` times; return whether all contacts were always in usual states."""
     if width == 3:
         n_solved = solve_usual_spatial_blocks(
-            count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses
+            count, relaxation, starts, lanes, values, free_velocity, friction, fixed_bound, partner, impulses
         )
         return n_solved == count * len(friction)
     if width == 2:
-        solve_planar_blocks(count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses)
+        solve_planar_blocks(
+            count, relaxation, starts, lanes, values, free_velocity, friction, fixed_bound, partner, impulses
+        )
     else:
-        solve_frictionless_blocks(count, relaxation, starts, lanes, values, free, friction, fixed, partner, impulses)
+        solve_frictionless_blocks(
+            count, relaxation, starts, lanes, values, free_velocity, friction, fixed_bound, partner, impulses
+        )
     return True

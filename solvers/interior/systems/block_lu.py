@@ -15,7 +15,7 @@ from numba import njit
 
 from ....problems.arrays import FloatArray, IntArray
 from ....problems.contact.matrices.memory import require_memory
-from .elimination import MAX_COLUMNS, elimination
+from .elimination import MAX_COLUMNS, find_elimination
 
 REMEDY = "use a solver without factorisations, such as SORprox(form='factors')"
 """What to do if the memory does not suffice for the factors."""
@@ -38,26 +38,26 @@ class BlockLU:
         self, starts: IntArray, columns: IntArray, width: int, corrections: int = 0, max_columns: int = MAX_COLUMNS
     ) -> None:
         """Order a symmetric pattern in block CSR with a stored diagonal and blocks (width, width)."""
-        plan = elimination(starts, columns, max_columns)
+        plan = find_elimination(starts, columns, max_columns)
         self._width, self._order = width, plan.order
         self._fronts = (
-            plan.nodes,
+            plan.node_starts,
             plan.row_starts,
-            plan.row_places,
+            plan.row_positions,
             plan.child_starts,
             plan.children,
             plan.entry_starts,
             plan.entries,
-            plan.entry_places,
+            plan.entry_positions,
             plan.factor_starts,
         )
-        self._triangles = plan.nodes, plan.row_starts, plan.rows, plan.factor_starts
-        heads = np.cumsum(np.append(0, np.diff(plan.nodes) ** 2)) * width * width
+        self._triangles = plan.node_starts, plan.row_starts, plan.rows, plan.factor_starts
+        pivot_starts = np.cumsum(np.append(0, np.diff(plan.node_starts) ** 2)) * width * width
         n_numbers = (float(plan.stack_size) + float(plan.factor_starts[-1])) * width * width
-        require_memory(8.0 * (n_numbers + (heads[-1] if corrections else 0)), "triangular factors", REMEDY)
+        require_memory(8.0 * (n_numbers + (pivot_starts[-1] if corrections else 0)), "triangular factors", REMEDY)
         self._stack = np.empty(plan.stack_size * width * width)
         self._factors = np.empty(int(plan.factor_starts[-1]) * width * width)
-        self._correction_data = corrections, heads, np.empty(int(heads[-1]) if corrections else 0)
+        self._correction_data = corrections, pivot_starts, np.empty(int(pivot_starts[-1]) if corrections else 0)
         self.flops = 2.0 * plan.multiplications * width**3
 
     def factorise(self, blocks: FloatArray) -> bool:
@@ -70,8 +70,8 @@ class BlockLU:
 
     def determinant_sign(self) -> float:
         """Return the sign of the determinant of the matrix that was factorised last, 1 or −1."""
-        nodes, _, _, factor_starts = self._triangles
-        return float(_determinant_sign(self._width, nodes, factor_starts, self._factors))
+        node_starts, _, _, factor_starts = self._triangles
+        return float(_determinant_sign(self._width, node_starts, factor_starts, self._factors))
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return the solution for a right-hand side, shape (n · width,)."""
@@ -82,11 +82,11 @@ class BlockLU:
 
 
 @njit(cache=True)
-def _determinant_sign(b, nodes, factor_starts, factors):  # type: ignore[no-untyped-def]
+def _determinant_sign(b, node_starts, factor_starts, factors):  # type: ignore[no-untyped-def]
     """Return the product of the signs of det F₁₁⁻¹ over all fronts."""
     sign = 1.0
-    for s in range(len(nodes) - 1):
-        p, offset = b * (nodes[s + 1] - nodes[s]), b * b * factor_starts[s]
+    for s in range(len(node_starts) - 1):
+        p, offset = b * (node_starts[s + 1] - node_starts[s]), b * b * factor_starts[s]
         sign *= np.linalg.slogdet(factors[offset : offset + p * p].reshape(p, p))[0]
     return sign
 
@@ -120,44 +120,44 @@ def _add_update(quarter, b, rows, row_shift, columns, column_shift, update, row_
 @njit(cache=True)
 def _factorise(  # type: ignore[no-untyped-def]
     b,
-    nodes,
+    node_starts,
     row_starts,
-    row_places,
+    row_positions,
     child_starts,
     children,
     entry_starts,
     entries,
-    entry_places,
+    entry_positions,
     factor_starts,
     stack,
     blocks,
     factors,
     corrections,
-    head_starts,
-    heads,
+    pivot_starts,
+    pivot_blocks,
 ):
     top = 0
     zero = np.int64(0)  # a literal would make numba compile ``_add_update`` once more
-    for s in range(len(nodes) - 1):
-        p, q = b * (nodes[s + 1] - nodes[s]), b * (row_starts[s + 1] - row_starts[s])
+    for s in range(len(node_starts) - 1):
+        p, q = b * (node_starts[s + 1] - node_starts[s]), b * (row_starts[s + 1] - row_starts[s])
         f11, f12, f21, f22 = np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, p)), np.zeros((q, q))
         for e in range(entry_starts[s], entry_starts[s + 1]):
-            _add_entry(f11, f12, f21, b * entry_places[0, e], b * entry_places[1, e], blocks[entries[e]])
+            _add_entry(f11, f12, f21, b * entry_positions[0, e], b * entry_positions[1, e], blocks[entries[e]])
         for c in range(child_starts[s + 1] - 1, child_starts[s] - 1, -1):
-            places = row_places[row_starts[children[c]] : row_starts[children[c] + 1]]
-            size = b * len(places)
+            positions = row_positions[row_starts[children[c]] : row_starts[children[c] + 1]]
+            size = b * len(positions)
             top -= size * size
             update = stack[top : top + size * size].reshape(size, size)
-            width = nodes[s + 1] - nodes[s]
-            cut = np.searchsorted(places, width)
-            head, tail = places[:cut], places[cut:]
-            _add_update(f11, b, head, zero, head, zero, update, zero, zero)
-            _add_update(f12, b, head, zero, tail, width, update, zero, cut)
-            _add_update(f21, b, tail, width, head, zero, update, cut, zero)
-            _add_update(f22, b, tail, width, tail, width, update, cut, cut)
+            width = node_starts[s + 1] - node_starts[s]
+            cut = np.searchsorted(positions, width)
+            pivot_positions, lower_positions = positions[:cut], positions[cut:]
+            _add_update(f11, b, pivot_positions, zero, pivot_positions, zero, update, zero, zero)
+            _add_update(f12, b, pivot_positions, zero, lower_positions, width, update, zero, cut)
+            _add_update(f21, b, lower_positions, width, pivot_positions, zero, update, cut, zero)
+            _add_update(f22, b, lower_positions, width, lower_positions, width, update, cut, cut)
         inverse = np.ascontiguousarray(np.linalg.inv(f11))
         if corrections > 0:
-            heads[head_starts[s] : head_starts[s + 1]] = f11.reshape(-1)
+            pivot_blocks[pivot_starts[s] : pivot_starts[s + 1]] = f11.reshape(-1)
         offset = b * b * factor_starts[s]
         factors[offset : offset + p * p] = inverse.reshape(-1)
         if q > 0:
@@ -173,29 +173,39 @@ def _factorise(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _solve(b, nodes, row_starts, rows, factor_starts, factors, corrections, head_starts, heads, order, right):  # type: ignore[no-untyped-def]
-    n_nodes, n = len(nodes) - 1, len(order)
+def _solve(  # type: ignore[no-untyped-def]
+    b, node_starts, row_starts, rows, factor_starts, factors, corrections, pivot_starts, pivot_blocks, order, right
+):
+    n_nodes, n = len(node_starts) - 1, len(order)
     x, below = np.empty(n * b), np.empty(n * b)
     for k in range(n):
         for m in range(b):
             x[b * k + m] = right[b * order[k] + m]
     for s in range(n_nodes):
-        begin, p, n_rows = b * nodes[s], b * (nodes[s + 1] - nodes[s]), row_starts[s + 1] - row_starts[s]
+        begin, p, n_rows = (
+            b * node_starts[s],
+            b * (node_starts[s + 1] - node_starts[s]),
+            row_starts[s + 1] - row_starts[s],
+        )
         offset = b * b * factor_starts[s]
         inverse, pivot_values = factors[offset : offset + p * p].reshape(p, p), x[begin : begin + p]
-        head = np.dot(inverse, pivot_values)
+        pivot_solution = np.dot(inverse, pivot_values)
         for _ in range(corrections):
-            pivot_matrix = heads[head_starts[s] : head_starts[s + 1]].reshape(p, p)
-            head += np.dot(inverse, pivot_values - np.dot(pivot_matrix, head))
-        x[begin : begin + p] = head
+            pivot_matrix = pivot_blocks[pivot_starts[s] : pivot_starts[s + 1]].reshape(p, p)
+            pivot_solution += np.dot(inverse, pivot_values - np.dot(pivot_matrix, pivot_solution))
+        x[begin : begin + p] = pivot_solution
         if n_rows > 0:
             q = b * n_rows
-            change = np.dot(factors[offset + p * p : offset + p * p + p * q].reshape(q, p), head)
+            change = np.dot(factors[offset + p * p : offset + p * p + p * q].reshape(q, p), pivot_solution)
             for k in range(n_rows):
                 for m in range(b):
                     x[b * rows[row_starts[s] + k] + m] -= change[b * k + m]
     for s in range(n_nodes - 1, -1, -1):
-        begin, p, n_rows = b * nodes[s], b * (nodes[s + 1] - nodes[s]), row_starts[s + 1] - row_starts[s]
+        begin, p, n_rows = (
+            b * node_starts[s],
+            b * (node_starts[s + 1] - node_starts[s]),
+            row_starts[s + 1] - row_starts[s],
+        )
         q = b * n_rows
         if q == 0:
             continue

@@ -26,13 +26,13 @@ ill-conditioned."""
 class BodySystem:
     """L, R and the pattern of one problem, and the factors of I + L D⁻¹ Rᵀ."""
 
-    def __init__(self, problem: ContactProblem, scaled: ScaledProblem) -> None:
-        pieces, width, self._lanes = problem.factor_pieces(), problem.layout.width, scaled.lanes
+    def __init__(self, problem: ContactProblem, scaled_problem: ScaledProblem) -> None:
+        pieces, width, self._lanes = problem.factor_pieces(), problem.layout.width, scaled_problem.lanes
         block = np.repeat(np.arange(pieces.n_blocks), np.diff(pieces.starts))
         self._n_chunks, self._length = pieces.n_chunks, pieces.length
         self._starts, self._chunks = pieces.starts, pieces.chunks
-        self._left: FloatArray = pieces.values * self._lanes.to_block(scaled.impulse_scale)[block, :, None]
-        self._right: FloatArray = pieces.values * self._lanes.to_block(scaled.velocity_scale)[block, :, None]
+        self._left: FloatArray = pieces.values * self._lanes.to_block(scaled_problem.impulse_scale)[block, :, None]
+        self._right: FloatArray = pieces.values * self._lanes.to_block(scaled_problem.velocity_scale)[block, :, None]
         rows, columns, pair_starts, targets = _pattern(self._starts, self._chunks, self._n_chunks)
         self._pairs = (pair_starts, targets, rows[:-1])
         self._blocks = np.empty((len(columns), self._length, self._length))
@@ -89,13 +89,13 @@ class BodySystem:
 def _pattern(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
     """Return the block rows over chunks, diagonal first, and the block to which each pair of pieces adds."""
     n = len(starts) - 1
-    heads = np.zeros(n_chunks + 2, dtype=np.int64)
+    chunk_starts = np.zeros(n_chunks + 2, dtype=np.int64)
     for p in range(len(chunks)):
         if chunks[p] < n_chunks:
-            heads[chunks[p] + 1] += 1
+            chunk_starts[chunks[p] + 1] += 1
     for chunk in range(n_chunks):
-        heads[chunk + 1] += heads[chunk]
-    contact_of, piece_of, next_index = np.empty_like(chunks), np.empty_like(chunks), heads[:-1].copy()
+        chunk_starts[chunk + 1] += chunk_starts[chunk]
+    contact_of, piece_of, next_index = np.empty_like(chunks), np.empty_like(chunks), chunk_starts[:-1].copy()
     pair_starts, max_blocks = np.zeros(n + 1, dtype=np.int64), n_chunks
     for i in range(n):
         count = starts[i + 1] - starts[i]
@@ -112,7 +112,7 @@ def _pattern(starts, chunks, n_chunks):  # type: ignore[no-untyped-def]
         columns[end] = chunk
         position[chunk] = end
         end += 1
-        for m in range(heads[chunk], heads[chunk + 1]):
+        for m in range(chunk_starts[chunk], chunk_starts[chunk + 1]):
             i = contact_of[m]
             count = starts[i + 1] - starts[i]
             for k in range(count):

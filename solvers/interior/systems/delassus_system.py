@@ -21,12 +21,15 @@ REFINEMENTS = 2
 class DelassusSystem:
     """Ĝ of one problem in block rows, and the factors of Ĝ + D."""
 
-    def __init__(self, problem: ContactProblem, scaled: ScaledProblem) -> None:
-        blocks, self._width, self._lanes = problem.delassus_blocks(), problem.layout.width, scaled.lanes
+    def __init__(self, problem: ContactProblem, scaled_problem: ScaledProblem) -> None:
+        blocks, self._width, self._lanes = problem.delassus_blocks(), problem.layout.width, scaled_problem.lanes
         require_memory(2.0 * blocks.values.nbytes, "the system of interior points", REMEDY)
         starts, columns, values = _symmetric_pattern(blocks.starts, blocks.columns.astype(np.int64), blocks.values)
         row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-        left, right = self._lanes.to_block(scaled.velocity_scale), self._lanes.to_block(scaled.impulse_scale)
+        left, right = (
+            self._lanes.to_block(scaled_problem.velocity_scale),
+            self._lanes.to_block(scaled_problem.impulse_scale),
+        )
         self._values: FloatArray = left[row][:, :, None] * values * right[columns][:, None, :]
         self._diagonal = np.flatnonzero(row == columns)
         size = (len(starts) - 1) * self._width

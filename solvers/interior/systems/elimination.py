@@ -19,7 +19,10 @@ MAX_ZERO_SHARE = 0.2
 """Largest share of zeros in a supernode after it has merged with its neighbour."""
 
 MAX_COLUMNS = 40
-"""Largest number of block columns of a supernode; inverting a larger one takes longer than passing updates on."""
+"""Largest number of block columns of a supernode.
+
+For a larger one, inverting the dense matrix takes longer than passing its updates to a parent.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,42 +30,43 @@ class Elimination:
     """The elimination of a block matrix with a symmetric pattern; all counts are in blocks.
 
     Attributes:
-        order: block row at each place of the elimination order, shape (n,).
-        nodes: first place of each supernode, shape (n_nodes + 1,).
+        order: block row at each position of the elimination order, shape (n,).
+        node_starts: first position of each supernode, shape (n_nodes + 1,).
         row_starts: first index in ``rows`` of the rows below each supernode, shape (n_nodes + 1,).
-        rows: places of the rows below the supernodes.
-        row_places: position of each of these rows in the front of the parent.
+        rows: positions of the rows below the supernodes.
+        row_positions: position of each of these rows in the front of the parent.
         child_starts: first index in ``children`` of the children of each supernode, shape (n_nodes + 1,).
-        children: supernodes, by parent.
+        children: the children of all supernodes, in the order of their parents.
         entry_starts: first index in ``entries`` of the entries of each front, shape (n_nodes + 1,).
-        entries: stored blocks of the matrix, by supernode.
-        entry_places: row and column of each entry in its front, shape (2, n_entries).
-        factor_starts: first index of the factors of each supernode, shape (n_nodes + 1,).
+        entries: indices of the stored blocks of the matrix, grouped by supernode.
+        entry_positions: row and column of each entry in its front, shape (2, n_entries).
+        factor_starts: index at which the factors of each supernode begin in the array of factors, shape
+            (n_nodes + 1,).
         stack_size: largest size of the stack of updates.
     """
 
     order: IntArray
-    nodes: IntArray
+    node_starts: IntArray
     row_starts: IntArray
     rows: IntArray
-    row_places: IntArray
+    row_positions: IntArray
     child_starts: IntArray
     children: IntArray
     entry_starts: IntArray
     entries: IntArray
-    entry_places: IntArray
+    entry_positions: IntArray
     factor_starts: IntArray
     stack_size: int
 
     @cached_property
     def multiplications(self) -> float:
         """Multiplications of blocks in one factorisation."""
-        pivots, below = np.diff(self.nodes).astype(float), np.diff(self.row_starts).astype(float)
+        pivots, below = np.diff(self.node_starts).astype(float), np.diff(self.row_starts).astype(float)
         return float((pivots**3 + 2.0 * pivots**2 * below + pivots * below**2).sum())
 
 
-def elimination(starts: IntArray, columns: IntArray, max_columns: int = MAX_COLUMNS) -> Elimination:
-    """Return the elimination of a matrix with a symmetric pattern of block rows that includes the diagonal.
+def find_elimination(starts: IntArray, columns: IntArray, max_columns: int = MAX_COLUMNS) -> Elimination:
+    """Return the elimination of a matrix in block rows, with a symmetric pattern that includes the diagonal.
 
     Args:
         starts: first stored block of each block row, shape (n + 1,).
@@ -75,14 +79,25 @@ def elimination(starts: IntArray, columns: IntArray, max_columns: int = MAX_COLU
     position = np.argsort(order)
     parent = _tree(starts, columns, position, order)
     column_starts, column_rows = _structures(starts, columns, position, order, parent)
-    nodes = _supernodes(column_starts, parent, MAX_ZERO_SHARE, max_columns)
-    row_starts, rows, node_of, child_starts, children = _fronts(column_starts, column_rows, nodes, parent)
-    entry_starts, entries, row_of = _entries(starts, columns, position, node_of, len(nodes) - 1)
-    local = _local_places(
-        nodes, row_starts, rows, child_starts, children, entry_starts, entries, row_of, position[columns]
+    node_starts = _supernodes(column_starts, parent, MAX_ZERO_SHARE, max_columns)
+    row_starts, rows, node_of, child_starts, children = _fronts(column_starts, column_rows, node_starts, parent)
+    entry_starts, entries, row_of = _entries(starts, columns, position, node_of, len(node_starts) - 1)
+    row_positions, entry_positions, factor_starts, stack_size = _find_local_positions(
+        node_starts, row_starts, rows, child_starts, children, entry_starts, entries, row_of, position[columns]
     )
     return Elimination(
-        order, nodes, row_starts, rows, local[0], child_starts, children, entry_starts, entries, *local[1:]
+        order,
+        node_starts,
+        row_starts,
+        rows,
+        row_positions,
+        child_starts,
+        children,
+        entry_starts,
+        entries,
+        entry_positions,
+        factor_starts,
+        stack_size,
     )
 
 
@@ -104,7 +119,7 @@ def _minimum_degree(starts: IntArray, columns: IntArray) -> IntArray:
 
 @njit(cache=True)
 def _tree(starts, columns, position, order):  # type: ignore[no-untyped-def]
-    """Return the parent of each place in the elimination tree, −1 for a root (Liu 1986)."""
+    """Return the parent of each position in the elimination tree, −1 for a root (Liu 1986)."""
     n = len(order)
     parent = np.full(n, -1, dtype=np.int64)
     ancestor = np.full(n, -1, dtype=np.int64)
@@ -112,17 +127,17 @@ def _tree(starts, columns, position, order):  # type: ignore[no-untyped-def]
         for p in range(starts[order[k]], starts[order[k] + 1]):
             i = position[columns[p]]
             while i != -1 and i < k:
-                above = ancestor[i]
+                old_ancestor = ancestor[i]
                 ancestor[i] = k
-                if above == -1:
+                if old_ancestor == -1:
                     parent[i] = k
-                i = above
+                i = old_ancestor
     return parent
 
 
 @njit(cache=True)
 def _postorder(parent):  # type: ignore[no-untyped-def]
-    """Return the places in an order in which each subtree is contiguous, its root last."""
+    """Return the positions in an order in which each subtree is contiguous, its root last."""
     n = len(parent)
     first, sibling = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
     for j in range(n - 1, -1, -1):
@@ -187,54 +202,54 @@ def _structures(starts, columns, position, order, parent):  # type: ignore[no-un
 
 @njit(cache=True)
 def _supernodes(column_starts, parent, max_zero_share, max_columns):  # type: ignore[no-untyped-def]
-    """Return the first place of each supernode; a column joins the one before it if that adds few zeros."""
+    """Return the first position of each supernode; a column joins the one before it if that adds few zeros."""
     n = len(parent)
-    nodes, count, zeros = np.empty(n + 1, dtype=np.int64), 0, 0.0
+    node_starts, count, zeros = np.empty(n + 1, dtype=np.int64), 0, 0.0
     for j in range(n):
-        if j > 0 and parent[j - 1] == j and j - nodes[count - 1] < max_columns:
-            width, below = j - nodes[count - 1], column_starts[j + 1] - column_starts[j]
+        if j > 0 and parent[j - 1] == j and j - node_starts[count - 1] < max_columns:
+            width, below = j - node_starts[count - 1], column_starts[j + 1] - column_starts[j]
             added_zeros = width * (below + 1 - (column_starts[j] - column_starts[j - 1]))
             if zeros + added_zeros <= max_zero_share * (width + 1) * (below + 1 + 0.5 * width):
                 zeros += added_zeros
                 continue
-        nodes[count] = j
+        node_starts[count] = j
         count += 1
         zeros = 0.0
-    nodes[count] = n
-    return nodes[: count + 1]
+    node_starts[count] = n
+    return node_starts[: count + 1]
 
 
 @njit(cache=True)
-def _fronts(column_starts, column_rows, nodes, parent):  # type: ignore[no-untyped-def]
-    """Return the rows below each supernode, the supernode of each place, and the children of each supernode."""
-    n_nodes = len(nodes) - 1
+def _fronts(column_starts, column_rows, node_starts, parent):  # type: ignore[no-untyped-def]
+    """Return the rows below each supernode, the supernode of each position, and the children of each supernode."""
+    n_nodes = len(node_starts) - 1
     node_of = np.empty(len(parent), dtype=np.int64)
     row_starts, child_starts = np.zeros(n_nodes + 1, dtype=np.int64), np.zeros(n_nodes + 1, dtype=np.int64)
     for s in range(n_nodes):
-        node_of[nodes[s] : nodes[s + 1]] = s
-        last = nodes[s + 1] - 1
+        node_of[node_starts[s] : node_starts[s + 1]] = s
+        last = node_starts[s + 1] - 1
         row_starts[s + 1] = row_starts[s] + column_starts[last + 1] - column_starts[last]
     rows = np.empty(row_starts[n_nodes], dtype=np.int64)
-    above = np.full(n_nodes, -1, dtype=np.int64)
+    parent_node = np.full(n_nodes, -1, dtype=np.int64)
     for s in range(n_nodes):
-        last = nodes[s + 1] - 1
+        last = node_starts[s + 1] - 1
         rows[row_starts[s] : row_starts[s + 1]] = column_rows[column_starts[last] : column_starts[last + 1]]
         if parent[last] >= 0:
-            above[s] = node_of[parent[last]]
-            child_starts[above[s] + 1] += 1
+            parent_node[s] = node_of[parent[last]]
+            child_starts[parent_node[s] + 1] += 1
     for s in range(n_nodes):
         child_starts[s + 1] += child_starts[s]
     children, next_index = np.empty(child_starts[n_nodes], dtype=np.int64), child_starts[:-1].copy()
     for s in range(n_nodes):
-        if above[s] >= 0:
-            children[next_index[above[s]]] = s
-            next_index[above[s]] += 1
+        if parent_node[s] >= 0:
+            children[next_index[parent_node[s]]] = s
+            next_index[parent_node[s]] += 1
     return row_starts, rows, node_of, child_starts, children
 
 
 @njit(cache=True)
 def _entries(starts, columns, position, node_of, n_nodes):  # type: ignore[no-untyped-def]
-    """Return the stored blocks grouped by the supernode of their front, and the place of each block's row."""
+    """Return the stored blocks grouped by the supernode of their front, and the position of each block's row."""
     row_of = np.empty(len(columns), dtype=np.int64)
     entry_starts = np.zeros(n_nodes + 1, dtype=np.int64)
     for i in range(len(starts) - 1):
@@ -252,29 +267,29 @@ def _entries(starts, columns, position, node_of, n_nodes):  # type: ignore[no-un
 
 
 @njit(cache=True)
-def _local_places(  # type: ignore[no-untyped-def]
-    nodes, row_starts, rows, child_starts, children, entry_starts, entries, row_of, column_of
+def _find_local_positions(  # type: ignore[no-untyped-def]
+    node_starts, row_starts, rows, child_starts, children, entry_starts, entries, row_of, column_of
 ):
-    """Return the places of rows in parent fronts and of entries in fronts, and the sizes of factors and stack."""
-    n_nodes = len(nodes) - 1
-    local = np.full(nodes[n_nodes], -1, dtype=np.int64)
-    row_places, entry_places = np.zeros(len(rows), dtype=np.int64), np.empty((2, len(entries)), dtype=np.int64)
+    """Return the positions of rows in parent fronts and of entries in fronts, and the sizes of factors and stack."""
+    n_nodes = len(node_starts) - 1
+    local_positions = np.full(node_starts[n_nodes], -1, dtype=np.int64)
+    row_positions, entry_positions = np.zeros(len(rows), dtype=np.int64), np.empty((2, len(entries)), dtype=np.int64)
     factor_starts, stack, max_stack = np.zeros(n_nodes + 1, dtype=np.int64), 0, 0
     for s in range(n_nodes):
-        width, below = nodes[s + 1] - nodes[s], row_starts[s + 1] - row_starts[s]
+        width, below = node_starts[s + 1] - node_starts[s], row_starts[s + 1] - row_starts[s]
         for k in range(width):
-            local[nodes[s] + k] = k
+            local_positions[node_starts[s] + k] = k
         for k in range(below):
-            local[rows[row_starts[s] + k]] = width + k
+            local_positions[rows[row_starts[s] + k]] = width + k
         for e in range(entry_starts[s], entry_starts[s + 1]):
-            entry_places[0, e] = local[row_of[entries[e]]]
-            entry_places[1, e] = local[column_of[entries[e]]]
+            entry_positions[0, e] = local_positions[row_of[entries[e]]]
+            entry_positions[1, e] = local_positions[column_of[entries[e]]]
         for c in range(child_starts[s], child_starts[s + 1]):
             child = children[c]
             for k in range(row_starts[child], row_starts[child + 1]):
-                row_places[k] = local[rows[k]]
+                row_positions[k] = local_positions[rows[k]]
             stack -= (row_starts[child + 1] - row_starts[child]) ** 2
         stack += below**2
         max_stack = max(max_stack, stack)
         factor_starts[s + 1] = factor_starts[s] + width * width + 2 * width * below
-    return row_places, entry_places, factor_starts, max_stack
+    return row_positions, entry_positions, factor_starts, max_stack

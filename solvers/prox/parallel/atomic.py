@@ -1,6 +1,6 @@
 """Atomic operations on arrays of 64-bit integers, by which threads of compiled kernels share work.
 
-numba has atomic operations for graphics processors only. Each function here is one instruction of LLVM. Memory is
+numba has atomic operations for GPUs only. Each function here is one instruction of LLVM. Memory is
 ordered such that a thread that reads a sum with ``read`` sees everything that another thread wrote before ``add``.
 """
 

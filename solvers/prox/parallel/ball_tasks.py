@@ -3,7 +3,7 @@
 from numba import njit, uint64
 
 from ...sweeps.batches.ball_kernels import (
-    NUMBERS,
+    ENTRIES_PER_RECORD,
     find_violations,
     gather_moves,
     lane_velocity,
@@ -15,11 +15,11 @@ from ...sweeps.batches.pieces import LANES
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def update_ball_batch(balls, batch, motion, impulses, change, beta, turn, moves):  # type: ignore[no-untyped-def]
     """Update Λ, v and τ of the contacts of a batch; ``balls`` holds bodies, records and κ of ``BallSweep``."""
-    bodies, records, share = balls
+    bodies, records, kappa = balls
     lanes, first_lane = uint64(LANES), uint64(LANES) * uint64(batch)
-    record, pair = uint64(NUMBERS) * first_lane, uint64(2) * first_lane
+    record, pair = uint64(ENTRIES_PER_RECORD) * first_lane, uint64(2) * first_lane
     gather_moves(bodies, pair, motion, moves)
-    update_impulses(records, record, share, impulses, change, uint64(3) * first_lane, beta, turn, moves)
+    update_impulses(records, record, kappa, impulses, change, uint64(3) * first_lane, beta, turn, moves)
     three, idle, mass = uint64(3), uint64(len(motion)) - uint64(6), record + uint64(9) * lanes
     for lane in range(lanes):
         a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
@@ -37,17 +37,17 @@ def update_ball_batch(balls, batch, motion, impulses, change, beta, turn, moves)
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def write_ball_velocities(balls, batch, motion, moves, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
-    bodies, records, share = balls
+    bodies, records, kappa = balls
     lanes, first_lane = uint64(LANES), uint64(LANES) * uint64(batch)
     gather_moves(bodies, uint64(2) * first_lane, motion, moves)
     for lane in range(lanes):
-        r, n = uint64(NUMBERS) * first_lane + lane, uint64(3) * first_lane + lane
-        xi = lane_velocity(records, r, share, moves, lane)
+        r, n = uint64(ENTRIES_PER_RECORD) * first_lane + lane, uint64(3) * first_lane + lane
+        xi = lane_velocity(records, r, kappa, moves, lane)
         velocity[n], velocity[n + lanes], velocity[n + uint64(2) * lanes] = xi
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def raise_to_violations(balls, batch, motion, impulses, weights, moves, largest):  # type: ignore[no-untyped-def]
     """Raise ``largest`` of each lane to the squared violations of a batch, or to NaN if one is NaN."""
-    bodies, records, share = balls
-    find_violations(bodies, records, share, impulses, motion, weights, uint64(batch), moves, largest)
+    bodies, records, kappa = balls
+    find_violations(bodies, records, kappa, impulses, motion, weights, uint64(batch), moves, largest)

@@ -28,7 +28,7 @@ from ....problems.contact.residual import Residual
 from ...iteration.loop import SinglePassIterates
 from ...iteration.momentum import MomentumState, extrapolate, momentum_after
 from ...sweeps.batches.ball_kernels import WEIGHTS, largest_of_lanes
-from ...sweeps.batches.balls import balls_of, measures_squares, write_weights
+from ...sweeps.batches.balls import balls_of, can_compare_squares, write_weights
 from ...sweeps.batches.pieces import LANES, Batches, batch_arguments, slots_in_batches
 from ...sweeps.factors import own_coupling
 from .atomic import add, swap_if_equal, wait_for
@@ -74,11 +74,11 @@ class ColouredSweep:
     threads: int
 
     @staticmethod
-    def over(problem: ContactProblem, sizes: FloatArray, threads: int) -> "ColouredSweep":
+    def over(problem: ContactProblem, step_sizes: FloatArray, threads: int) -> "ColouredSweep":
         """Return the sweep of a problem with factors whose contacts touch at most two bodies each.
 
-        ``sizes`` are the step sizes [kg] of ``step_sizes``, shape (n_blocks, 2); ``threads`` is the largest number of
-        threads.
+        ``step_sizes`` are those of ``compute_step_sizes`` [kg], shape (n_blocks, 2); ``threads`` is the largest number
+        of threads.
         """
         layout, balls = problem.layout, balls_of(problem)
         pairs = in_pairs(problem.factor_pieces()) if balls is None else balls.directions
@@ -86,24 +86,24 @@ class ColouredSweep:
         n_threads = _useful_threads(slabs, layout.n_blocks, threads)
         if balls is None:
             pairs = Pieces(pairs.starts, slabs.chunks, pairs.values, len(slabs.bodies))
-            return ColouredSweep._over_pieces(problem, sizes, pairs, slabs, n_threads)
+            return ColouredSweep._over_pieces(problem, step_sizes, pairs, slabs, n_threads)
         renumbered = balls.renumbered(slabs.bodies, slabs.chunks)
-        bodies, records, slots = renumbered.pack(problem, sizes, slabs.places, slabs.n_batches)
-        data = bodies, records, balls.spin_share
+        bodies, records, slots = renumbered.pack(problem, step_sizes, slabs.positions, slabs.n_batches)
+        data = bodies, records, balls.spin_ratio
         return ColouredSweep(layout, None, data, renumbered.motion, slabs, slots, n_threads)
 
     @staticmethod
     def _over_pieces(
-        problem: ContactProblem, sizes: FloatArray, pairs: Pieces, slabs: Slabs, threads: int
+        problem: ContactProblem, step_sizes: FloatArray, pairs: Pieces, slabs: Slabs, threads: int
     ) -> "ColouredSweep":
         layout = problem.layout
-        free = np.zeros((layout.n_blocks, 3))
-        free[:, : layout.width] = layout.pad(problem.free_velocity)
-        laws = sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound
+        free_velocity = np.zeros((layout.n_blocks, 3))
+        free_velocity[:, : layout.width] = layout.pad(problem.free_velocity)
+        laws = step_sizes.reshape(-1), layout.friction_coefficient, layout.fixed_bound
         coupling = own_coupling(pairs.starts, pairs.values).reshape(-1)
-        batches = Batches(slabs.places, slabs.n_batches)
-        data = batch_arguments(pairs, batches, free.reshape(-1), laws, coupling)
-        slots = slots_in_batches(slabs.places).reshape(-1, 3)[:, : layout.width].flatten()
+        batches = Batches(slabs.positions, slabs.n_batches)
+        data = batch_arguments(pairs, batches, free_velocity.reshape(-1), laws, coupling)
+        slots = slots_in_batches(slabs.positions).reshape(-1, 3)[:, : layout.width].flatten()
         return ColouredSweep(layout, data, None, partial(_motion, layout, pairs), slabs, slots, threads)
 
 
@@ -128,12 +128,12 @@ class ColouredIterates(MomentumState, SinglePassIterates):
     def __init__(self, sweep: ColouredSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         MomentumState.__init__(self, momentum, delay)
         self._sweep = sweep
-        self._scaled = sweep.motion(start)
-        self._before = self._scaled.copy()
+        self._scaled_velocity = sweep.motion(start)
+        self._previous_velocity = self._scaled_velocity.copy()
         self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.slabs.n_batches))
         if start.any():
             self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
-        n_pieces = -(-len(self._scaled) // PIECE_LENGTH) if momentum > 0.0 else 0
+        n_pieces = -(-len(self._scaled_velocity) // PIECE_LENGTH) if momentum > 0.0 else 0
         first_batch, n_slabs = sweep.slabs.first_batch, len(sweep.slabs.first_batch) - 1
         stages = np.concatenate([[0], n_pieces + sweep.slabs.first_slab])
         n_tasks = int(stages[-1]) + n_slabs  # ξ or the violations of each slab come last
@@ -150,7 +150,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
             first_batch,
             sweep.piece_batches,
             sweep.ball_batches,
-            (self._impulses, self._scaled, self._change, self._before, self._velocity),
+            (self._impulses, self._scaled_velocity, self._change, self._previous_velocity, self._velocity),
             (self._weights, self._violations, sweep.slots, self._rows),
             self._turns,
             self._claims,
@@ -179,7 +179,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
 
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
         """Return Λ over rows and its residual."""
-        if self._sweep.ball_batches is None or not measures_squares(residual):
+        if self._sweep.ball_batches is None or not can_compare_squares(residual):
             impulses = self.impulses()
             return impulses, residual(impulses, self.relative_velocity())
         if residual is not self._residual:
@@ -238,7 +238,7 @@ def _run_window(  # type: ignore[no-untyped-def]
     ``claims`` counts how often each task was claimed, and ``n_completed`` the completed tasks of the window.
     """
     sweeps, windows, count = counters[0], counters[1], counters[2]
-    impulses, scaled, change, before, velocity = arrays
+    impulses, scaled_velocity, change, previous_velocity, velocity = arrays
     momentum, delay, beta = momenta[0], momenta[1], momenta[2]
     length = BALL_LENGTH
     if pieces is not None:
@@ -257,15 +257,23 @@ def _run_window(  # type: ignore[no-untyped-def]
                     completed += 1
                     if stage == 0:
                         first = PIECE_LENGTH * task
-                        extrapolate(scaled, before, beta, first, min(first + PIECE_LENGTH, len(scaled)))
+                        extrapolate(
+                            scaled_velocity,
+                            previous_velocity,
+                            beta,
+                            first,
+                            min(first + PIECE_LENGTH, len(scaled_velocity)),
+                        )
                         continue
                     slab = task - stages[1]
                     turn[:] = 0.0
                     for batch in range(first_batch[slab], first_batch[slab + 1]):
                         if balls is not None:
-                            update_ball_batch(balls, batch, scaled, impulses, change, beta, turn, work)
+                            update_ball_batch(balls, batch, scaled_velocity, impulses, change, beta, turn, work)
                         if pieces is not None:
-                            update_pieces(pieces, batch, scaled, impulses, change, beta, turn, work, second_work)
+                            update_pieces(
+                                pieces, batch, scaled_velocity, impulses, change, beta, turn, work, second_work
+                            )
                     turns[sweep % 2, slab] = turn.sum()
             if completed:
                 add(n_completed, 0, completed)
@@ -273,7 +281,7 @@ def _run_window(  # type: ignore[no-untyped-def]
         wait_for(n_completed, 0, n_required)
         beta = 0.0 if turns[sweep % 2].sum() > 0.0 else momentum_after(sweep + 1, momentum, delay)
     wait_for(n_completed, 0, n_required)
-    data = (windows, stages[n_stages], stages[2] - stages[1], first_batch, balls, scaled)
+    data = (windows, stages[n_stages], stages[2] - stages[1], first_batch, balls, scaled_velocity)
     if counters[3] and balls is not None:
         completed = _write_violations(thread, threads, *data, impulses, violations, claims)
     else:
@@ -286,7 +294,7 @@ def _run_window(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def _write_xi(  # type: ignore[no-untyped-def]
-    thread, threads, windows, first_task, n_even, first_batch, balls, scaled, pieces, velocity, claims
+    thread, threads, windows, first_task, n_even, first_batch, balls, scaled_velocity, pieces, velocity, claims
 ):
     """Do the share of one thread in ξ, by tasks from ``first_task`` on, and return the number of completed tasks."""
     length, n_slabs = BALL_LENGTH, len(first_batch) - 1
@@ -300,16 +308,16 @@ def _write_xi(  # type: ignore[no-untyped-def]
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
                 for batch in range(first_batch[slab], first_batch[slab + 1]):
                     if balls is not None:
-                        write_ball_velocities(balls, batch, scaled, work, velocity)
+                        write_ball_velocities(balls, batch, scaled_velocity, work, velocity)
                     if pieces is not None:
-                        write_piece_velocities(pieces, batch, scaled, work, velocity)
+                        write_piece_velocities(pieces, batch, scaled_velocity, work, velocity)
                 completed += 1
     return completed
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
 def _write_violations(  # type: ignore[no-untyped-def]
-    thread, threads, windows, first_task, n_even, first_batch, balls, scaled, impulses, violations, claims
+    thread, threads, windows, first_task, n_even, first_batch, balls, scaled_velocity, impulses, violations, claims
 ):
     """Do the share of one thread in the violations and in Λ over rows; see ``_write_xi``."""
     weights, squares, slots, rows = violations
@@ -321,7 +329,7 @@ def _write_violations(  # type: ignore[no-untyped-def]
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
                 largest[:] = 0.0
                 for batch in range(first_batch[slab], first_batch[slab + 1]):
-                    raise_to_violations(balls, batch, scaled, impulses, weights, moves, largest)
+                    raise_to_violations(balls, batch, scaled_velocity, impulses, weights, moves, largest)
                 squares[slab] = largest_of_lanes(largest)
                 for row in range(len(rows) * position // len(squares), len(rows) * (position + 1) // len(squares)):
                     rows[row] = impulses[slots[row]]
@@ -331,5 +339,5 @@ def _write_violations(  # type: ignore[no-untyped-def]
 
 @njit(inline="always")
 def _slab_at(position, n_even):  # type: ignore[no-untyped-def]
-    """Return the slab at a place in the order of the levels, in which even and odd slabs alternate."""
+    """Return the slab at a position in the order of the levels, in which even and odd slabs alternate."""
     return position // 2 + n_even * (position % 2)

@@ -6,55 +6,55 @@ from ...sweeps.batches.pieces import LANES, update_batch
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
-def update_pieces(pieces, batch, scaled, impulses, change, beta, turn, v_before, v_after):  # type: ignore[no-untyped-def]
-    """Update Λ (``impulses``) and v = W̃ Λ (``scaled``) of the contacts of a batch.
+def update_pieces(pieces, batch, scaled_velocity, impulses, change, beta, turn, v_before, v_after):  # type: ignore[no-untyped-def]
+    """Update Λ (``impulses``) and v = W̃ Λ (``scaled_velocity``) of the contacts of a batch.
 
     ``pieces`` is as in ``batch_arguments``, and ``change``, ``beta`` and ``turn`` are as in ``update_batch``.
     ``v_before`` and ``v_after`` are work arrays for v of both bodies before and after the update.
     """
     axes, bodies, records = pieces
     lanes, length = uint64(LANES), uint64(len(axes))
-    _gather(axes, bodies, batch, scaled, v_before)
+    _gather_velocities(axes, bodies, batch, scaled_velocity, v_before)
     begin = uint64(batch) * (uint64(6) * lanes * length + uint64(9) * lanes)
     update_batch(
         axes, records, begin, impulses, change, uint64(3) * lanes * uint64(batch), beta, turn, v_before, v_after
     )
-    _scatter(axes, bodies, batch, v_after, scaled)
+    _scatter_velocities(axes, bodies, batch, v_after, scaled_velocity)
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def write_piece_velocities(pieces, batch, scaled, v_before, velocity):  # type: ignore[no-untyped-def]
+def write_piece_velocities(pieces, batch, scaled_velocity, v_before, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
     axes, bodies, records = pieces
-    _gather(axes, bodies, batch, scaled, v_before)
+    _gather_velocities(axes, bodies, batch, scaled_velocity, v_before)
     _write_velocities(axes, records, batch, v_before, velocity)
 
 
 @njit(cache=True, inline="always")
-def _gather(axes, bodies, batch, scaled, v_before):  # type: ignore[no-untyped-def]
+def _gather_velocities(axes, bodies, batch, scaled_velocity, v_before):  # type: ignore[no-untyped-def]
     """Copy v of both bodies of each contact of a batch."""
     lanes, length = uint64(LANES), uint64(len(axes))
     pair = uint64(2) * lanes * uint64(batch)
     for lane in range(lanes):
         a, b = bodies[pair + lane], bodies[pair + lanes + lane]
         for x in range(length):
-            v_before[lanes * x + lane] = scaled[a + x]
-            v_before[lanes * (length + x) + lane] = scaled[b + x]
+            v_before[lanes * x + lane] = scaled_velocity[a + x]
+            v_before[lanes * (length + x) + lane] = scaled_velocity[b + x]
 
 
 @njit(cache=True, inline="always")
-def _scatter(axes, bodies, batch, v_after, scaled):  # type: ignore[no-untyped-def]
+def _scatter_velocities(axes, bodies, batch, v_after, scaled_velocity):  # type: ignore[no-untyped-def]
     """Copy v back, except for the idle chunk, which is last: it remains zero, because all threads read it."""
     lanes, length = uint64(LANES), uint64(len(axes))
-    pair, idle = uint64(2) * lanes * uint64(batch), uint64(len(scaled)) - length
+    pair, idle = uint64(2) * lanes * uint64(batch), uint64(len(scaled_velocity)) - length
     for lane in range(lanes):
         a, b = bodies[pair + lane], bodies[pair + lanes + lane]
         if a != idle:
             for x in range(length):
-                scaled[a + x] = v_after[lanes * x + lane]
+                scaled_velocity[a + x] = v_after[lanes * x + lane]
         if b != idle:
             for x in range(length):
-                scaled[b + x] = v_after[lanes * (length + x) + lane]
+                scaled_velocity[b + x] = v_after[lanes * (length + x) + lane]
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")

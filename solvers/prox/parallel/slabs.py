@@ -32,7 +32,7 @@ class Slabs(NamedTuple):
     """Slabs of contacts, those of the first colour first.
 
     Attributes:
-        places: place of each contact, batch · LANES + lane, shape (n_contacts,).
+        positions: position of each contact, batch · LANES + lane, shape (n_contacts,).
         first_batch: first batch of each slab, then the number of batches, shape (n_slabs + 1,).
         first_slab: 0, the first slab of the second colour, and the number of slabs.
         bodies: the bodies with contacts in the order of the search, shape (n_touched,).
@@ -40,7 +40,7 @@ class Slabs(NamedTuple):
             (2 · n_contacts,).
     """
 
-    places: Any
+    positions: Any
     first_batch: IntArray
     first_slab: IntArray
     bodies: IntArray
@@ -57,10 +57,10 @@ class Slabs(NamedTuple):
         A colour takes at least as long as its largest slab, and at least as long as an equal share of its batches for
         each thread.
         """
-        sizes = np.diff(self.first_batch)
-        colours = sizes[: self.first_slab[1]], sizes[self.first_slab[1] :]
+        batch_counts = np.diff(self.first_batch)
+        colours = batch_counts[: self.first_slab[1]], batch_counts[self.first_slab[1] :]
         slowest = sum(max(colour.max(initial=0), colour.sum() / threads) for colour in colours)
-        return float(sizes.sum() / slowest) if slowest > 0.0 else 1.0
+        return float(batch_counts.sum() / slowest) if slowest > 0.0 else 1.0
 
 
 def divide_into_slabs(pieces: Pieces) -> Slabs:
@@ -71,10 +71,10 @@ def divide_into_slabs(pieces: Pieces) -> Slabs:
     bodies, chunks, levels = _search_breadth_first(pieces.chunks, pieces.n_chunks)
     members = _sort_by_first_body(chunks, len(bodies))
     begins = _find_slab_starts(chunks, levels, members, MIN_SLAB)
-    places, first_batch = _fill_batches(chunks, len(bodies), members, begins)
+    positions, first_batch = _fill_batches(chunks, len(bodies), members, begins)
     n_slabs = len(begins) - 1
     first_slab = np.array([0, n_slabs - n_slabs // 2, n_slabs])
-    return Slabs(places, first_batch, first_slab, bodies, chunks)
+    return Slabs(positions, first_batch, first_slab, bodies, chunks)
 
 
 @njit(cache=True)
@@ -128,17 +128,17 @@ def _search_breadth_first(chunks, idle):  # type: ignore[no-untyped-def]
 def _visit(starts, neighbours, root, begin, level, levels, queue):  # type: ignore[no-untyped-def]
     """Write the levels of all bodies that are connected to ``root``, and queue them; return the end of the queue."""
     levels[root], queue[begin] = level, root
-    head, end = begin, begin + 1
-    while head < end:
-        body = queue[head]
+    queue_begin, queue_end = begin, begin + 1
+    while queue_begin < queue_end:
+        body = queue[queue_begin]
         for k in range(starts[body], starts[body + 1]):
             other = neighbours[k]
             if levels[other] < 0:
                 levels[other] = levels[body] + 1
-                queue[end] = other
-                end += 1
-        head += 1
-    return end
+                queue[queue_end] = other
+                queue_end += 1
+        queue_begin += 1
+    return queue_end
 
 
 @njit(cache=True)
@@ -175,7 +175,7 @@ def _find_slab_starts(chunks, levels, members, min_size):  # type: ignore[no-unt
 
 @njit(cache=True)
 def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def]
-    """Return the place of each contact and the first batch of each slab.
+    """Return the position of each contact and the first batch of each slab.
 
     Each contact of a slab, in order, is assigned to the first open batch that has an empty lane and does not touch a
     body of the contact.
@@ -183,7 +183,7 @@ def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def
     ``full`` and ``unavailable`` have a bit for each open batch: for full ones, and for those that cannot take the
     contact.
     """
-    places, first_batch = np.empty(len(members), dtype=np.int64), np.empty(len(begins), dtype=np.int64)
+    positions, first_batch = np.empty(len(members), dtype=np.int64), np.empty(len(begins), dtype=np.int64)
     touching = np.zeros(idle + 1, dtype=np.int64)  # a bit for each open batch that touches a body
     written_base = np.full(idle + 1, -1, dtype=np.int64)  # the first open batch when the bits of a body were written
     n_lanes_used = np.zeros(OPEN_BATCHES, dtype=np.int64)
@@ -217,7 +217,7 @@ def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def
                 full |= bit
                 while first_open < OPEN_BATCHES and (full >> first_open) & 1:
                     first_open += 1
-            places[contact] = LANES * (base + batch) + lane
+            positions[contact] = LANES * (base + batch) + lane
             n_batches = max(n_batches, base + batch + 1)
     first_batch[n_slabs] = n_batches
-    return places, first_batch
+    return positions, first_batch

@@ -109,8 +109,8 @@ class Team:
             raise self._errors.pop()
         return result
 
-    def __del__(self, is_ending: Callable[[], bool] = sys.is_finalizing) -> None:
-        if is_ending():  # the process ends its threads, which cannot return to Python any more
+    def __del__(self, is_finalizing: Callable[[], bool] = sys.is_finalizing) -> None:
+        if is_finalizing():  # the process ends its threads, which cannot return to Python any more
             return
         if self._members:
             _send_away(self._states)

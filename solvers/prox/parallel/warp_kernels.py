@@ -25,10 +25,10 @@ class Contacts:
         idle: index of the idle body, which follows all others and replaces a missing body.
         bodies: two bodies of each contact.
         pieces: W̃ of each contact, six rows of ``length`` (N, T1 and T2 of the first body, then of the second).
-        free: c, three entries for each contact.
-        sizes: step sizes r of N and T of each contact.
+        free_velocity: c, three entries for each contact.
+        step_sizes: step sizes r of N and T of each contact.
         friction: μ of each contact.
-        fixed: fixed part a of the friction bound of each contact.
+        fixed_bound: fixed part a of the friction bound of each contact.
         coupling: G_T1N and G_T2N, by which ξ_T is corrected after a change of Λ_N; zero in Jacobi sweeps.
     """
 
@@ -36,19 +36,19 @@ class Contacts:
     idle: wp.int32
     bodies: wp.array(dtype=wp.int32)
     pieces: wp.array(dtype=wp.float64)
-    free: wp.array(dtype=wp.float64)
-    sizes: wp.array(dtype=wp.float64)
+    free_velocity: wp.array(dtype=wp.float64)
+    step_sizes: wp.array(dtype=wp.float64)
     friction: wp.array(dtype=wp.float64)
-    fixed: wp.array(dtype=wp.float64)
+    fixed_bound: wp.array(dtype=wp.float64)
     coupling: wp.array(dtype=wp.float64)
 
 
 @wp.func
 def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.vec3d:
     """Return ξ of a contact from v."""
-    n = contacts.free[3 * i]
-    t = contacts.free[3 * i + 1]
-    s = contacts.free[3 * i + 2]
+    n = contacts.free_velocity[3 * i]
+    t1 = contacts.free_velocity[3 * i + 1]
+    t2 = contacts.free_velocity[3 * i + 2]
     length = contacts.length
     for side in range(2):
         body = contacts.bodies[2 * i + side] * length
@@ -56,31 +56,31 @@ def contact_velocity(contacts: Contacts, i: wp.int32, velocity: Numbers) -> wp.v
         for x in range(length):
             v = velocity[body + x]
             n = n + contacts.pieces[offset + x] * v
-            t = t + contacts.pieces[offset + length + x] * v
-            s = s + contacts.pieces[offset + 2 * length + x] * v
-    return wp.vec3d(n, t, s)
+            t1 = t1 + contacts.pieces[offset + length + x] * v
+            t2 = t2 + contacts.pieces[offset + 2 * length + x] * v
+    return wp.vec3d(n, t1, t2)
 
 
 @wp.func
 def update_impulse(contacts: Contacts, i: wp.int32, xi: wp.vec3d, impulses: Numbers) -> wp.vec3d:
     """Move Λ of a contact along −r ξ and project it; return its change."""
     old_n = impulses[3 * i]
-    old_t = impulses[3 * i + 1]
-    old_s = impulses[3 * i + 2]
-    n = wp.max(old_n - contacts.sizes[2 * i] * xi[0], Number(0.0))
+    old_t1 = impulses[3 * i + 1]
+    old_t2 = impulses[3 * i + 2]
+    n = wp.max(old_n - contacts.step_sizes[2 * i] * xi[0], Number(0.0))
     dn = n - old_n
-    r = contacts.sizes[2 * i + 1]
-    t = old_t - r * (xi[1] + contacts.coupling[2 * i] * dn)
-    s = old_s - r * (xi[2] + contacts.coupling[2 * i + 1] * dn)
-    bound = contacts.fixed[i] + contacts.friction[i] * n
-    squared = t * t + s * s
+    r = contacts.step_sizes[2 * i + 1]
+    t1 = old_t1 - r * (xi[1] + contacts.coupling[2 * i] * dn)
+    t2 = old_t2 - r * (xi[2] + contacts.coupling[2 * i + 1] * dn)
+    bound = contacts.fixed_bound[i] + contacts.friction[i] * n
+    squared = t1 * t1 + t2 * t2
     scale = Number(1.0)
     if squared > bound * bound:
         scale = bound / wp.sqrt(squared)
     impulses[3 * i] = n
-    impulses[3 * i + 1] = t * scale
-    impulses[3 * i + 2] = s * scale
-    return wp.vec3d(dn, t * scale - old_t, s * scale - old_s)
+    impulses[3 * i + 1] = t1 * scale
+    impulses[3 * i + 2] = t2 * scale
+    return wp.vec3d(dn, t1 * scale - old_t1, t2 * scale - old_t2)
 
 
 @wp.kernel
@@ -109,7 +109,7 @@ def update_all(contacts: Contacts, impulses: Numbers, velocity: Numbers, changes
 
 
 @wp.kernel
-def move_bodies(contacts: Contacts, starts: Indices, touching: Indices, changes: Numbers, velocity: Numbers):
+def update_velocities(contacts: Contacts, starts: Indices, touching: Indices, changes: Numbers, velocity: Numbers):
     """Add the changes of the contacts of a body to its v; ``touching`` lists 2 · contact + side for each body."""
     body = wp.tid()
     length = contacts.length
@@ -123,9 +123,9 @@ def move_bodies(contacts: Contacts, starts: Indices, touching: Indices, changes:
 
 
 @wp.kernel
-def write_velocity(contacts: Contacts, velocity: Numbers, relative: Numbers):
+def write_relative_velocity(contacts: Contacts, velocity: Numbers, relative_velocity: Numbers):
     """Write ξ of all contacts."""
     i = wp.tid()
     xi = contact_velocity(contacts, i, velocity)
     for lane in range(3):
-        relative[3 * i + lane] = xi[lane]
+        relative_velocity[3 * i + lane] = xi[lane]

@@ -1,7 +1,7 @@
-"""Sweeps on a device of Warp: a graphics processor (CUDA), or the processor itself.
+"""Sweeps on a Warp device: a GPU (CUDA), or the processor itself.
 
-The data are copied to the device once, in ``prepare``. A window of sweeps is a sequence of kernels. For a graphics
-processor, it is recorded once for each length, and then started by one call (a CUDA graph). Before each check of the
+The data are copied to the device once, in ``prepare``. A window of sweeps is a sequence of kernels. For a GPU,
+it is recorded once for each length, and then started by one call (a CUDA graph). Before each check of the
 residual, Λ and ξ are copied back. The copy waits for the device, so the time of a solve includes all kernels.
 ``upload_seconds`` and ``transfer_seconds`` count copies to and from the device and the allocation of its memory, which
 ``transfer_seconds`` includes once for each start. They include neither kernels, nor the recording of graphs, nor
@@ -25,7 +25,7 @@ from .pairs import in_pairs
 
 
 def find_device(solver: str, name: str) -> Any:
-    """Return a device of Warp by its name; ``solver`` is the name of the solver in messages.
+    """Return a Warp device by its name; ``solver`` is the name of the solver in messages.
 
     Raises:
         SolverError: if there is no such device.
@@ -34,9 +34,7 @@ def find_device(solver: str, name: str) -> Any:
 
     wp.config.log_level = wp.LOG_ERROR
     if name != "cpu" and not wp.is_cuda_available():
-        raise SolverError(
-            f"{solver} needs a graphics processor for device={name!r}, and there is none; use device='cpu'."
-        )
+        raise SolverError(f"{solver} needs a GPU for device={name!r}, and there is none; use device='cpu'.")
     try:
         return wp.get_device(name)
     except (ValueError, RuntimeError):
@@ -51,7 +49,7 @@ class DeviceSweep(ABC):
 
     Args:
         problem: a problem with factors whose contacts touch at most two bodies each.
-        sizes: the step sizes [kg] of ``step_size``, shape (n_blocks, 2).
+        step_sizes: the step sizes [kg] of ``step_size``, shape (n_blocks, 2).
         device: the device.
 
     Attributes:
@@ -68,7 +66,7 @@ class DeviceSweep(ABC):
         InsufficientMemoryError: if the memory of the device does not suffice.
     """
 
-    def __init__(self, problem: ContactProblem, sizes: FloatArray, device: Any) -> None:
+    def __init__(self, problem: ContactProblem, step_sizes: FloatArray, device: Any) -> None:
         import warp as wp
 
         from . import warp_kernels
@@ -77,19 +75,19 @@ class DeviceSweep(ABC):
         self.kernels, self.device, self.transfer_seconds = warp_kernels, device, 0.0
         self.layout, self.pieces = problem.layout, in_pairs(problem.factor_pieces())
         pieces, layout = self.pieces, self.layout
-        free = np.zeros((layout.n_blocks, 3))
-        free[:, : layout.width] = layout.pad(problem.free_velocity)
+        free_velocity = np.zeros((layout.n_blocks, 3))
+        free_velocity[:, : layout.width] = layout.pad(problem.free_velocity)
         values, coupling = pieces.values, self.coupling()  # deferred values are computed here, before timing
-        friction, fixed = layout.friction_coefficient, layout.fixed_bound
+        friction, fixed_bound = layout.friction_coefficient, layout.fixed_bound
         self.find_order()
         contacts = warp_kernels.Contacts()
         contacts.length, contacts.idle = pieces.length, pieces.n_chunks
         self.synchronise()
         start_time = time.perf_counter()
-        contacts.bodies, contacts.pieces = self.indices(pieces.chunks), self.numbers(values)
-        contacts.free, contacts.sizes = self.numbers(free), self.numbers(sizes)
-        contacts.friction, contacts.fixed = self.numbers(friction), self.numbers(fixed)
-        contacts.coupling = self.numbers(coupling)
+        contacts.bodies, contacts.pieces = self.copy_indices(pieces.chunks), self.copy_numbers(values)
+        contacts.free_velocity, contacts.step_sizes = self.copy_numbers(free_velocity), self.copy_numbers(step_sizes)
+        contacts.friction, contacts.fixed_bound = self.copy_numbers(friction), self.copy_numbers(fixed_bound)
+        contacts.coupling = self.copy_numbers(coupling)
         self.contacts = contacts
         self.copy_order()
         self.synchronise()
@@ -111,13 +109,13 @@ class DeviceSweep(ABC):
     def launch_sweep(self, impulses: Any, velocity: Any) -> None:
         """Start the kernels of one sweep."""
 
-    def numbers(self, values: FloatArray) -> Any:
+    def copy_numbers(self, values: FloatArray) -> Any:
         """Return a copy of numbers on the device, flat."""
         import warp as wp
 
         return self._copy(np.ascontiguousarray(values, dtype=np.float64), wp.float64)
 
-    def indices(self, values: Any) -> Any:
+    def copy_indices(self, values: Any) -> Any:
         """Return a copy of indices on the device, flat."""
         import warp as wp
 
@@ -165,17 +163,17 @@ class ColouredDeviceSweep(DeviceSweep):
     def find_order(self) -> None:
         """Sort the contacts by colour."""
         colours, n_colours = colour_contacts(self.pieces)
-        self._by_colour = np.argsort(colours, kind="stable")
-        self._sizes = np.bincount(colours, minlength=n_colours).tolist()
+        self._contacts_by_colour = np.argsort(colours, kind="stable")
+        self._colour_sizes = np.bincount(colours, minlength=n_colours).tolist()
 
     def copy_order(self) -> None:
         """Copy the contacts sorted by colour."""
-        self._order = self.indices(self._by_colour)
+        self._order = self.copy_indices(self._contacts_by_colour)
 
     def launch_sweep(self, impulses: Any, velocity: Any) -> None:
         """Start the kernels of all colours."""
         first = 0
-        for size in self._sizes:
+        for size in self._colour_sizes:
             self.launch(self.kernels.update_colour, size, self._order, first, impulses, velocity)
             first += size
 
@@ -196,14 +194,14 @@ class JacobiDeviceSweep(DeviceSweep):
 
     def copy_order(self) -> None:
         """Copy the list of each body, and allocate the changes of Λ."""
-        self._starts, self._touching = map(self.indices, self._pieces_of_bodies)
-        self._changes = self.numbers(np.zeros(3 * self.layout.n_blocks))
+        self._starts, self._touching = map(self.copy_indices, self._pieces_of_bodies)
+        self._changes = self.copy_numbers(np.zeros(3 * self.layout.n_blocks))
 
     def launch_sweep(self, impulses: Any, velocity: Any) -> None:
         """Start both kernels."""
         n_blocks, n_bodies = self.layout.n_blocks, self.pieces.n_chunks
         self.launch(self.kernels.update_all, n_blocks, impulses, velocity, self._changes)
-        self.launch(self.kernels.move_bodies, n_bodies, self._starts, self._touching, self._changes, velocity)
+        self.launch(self.kernels.update_velocities, n_bodies, self._starts, self._touching, self._changes, velocity)
 
 
 class DeviceIterates:
@@ -216,15 +214,15 @@ class DeviceIterates:
         velocity = np.append(pieces.times(padded), np.zeros(pieces.length))
         sweep.synchronise()
         start_time = time.perf_counter()
-        self._impulses, self._velocity = sweep.numbers(padded), sweep.numbers(velocity)
-        self._relative = sweep.numbers(np.zeros(padded.size))
+        self._impulses, self._velocity = sweep.copy_numbers(padded), sweep.copy_numbers(velocity)
+        self._relative_velocity = sweep.copy_numbers(np.zeros(padded.size))
         sweep.synchronise()
         sweep.transfer_seconds += time.perf_counter() - start_time
         self._sweep = sweep
         self._graphs: dict[int, Any] = {}
 
     def sweep(self, count: int) -> None:
-        """Do ``count`` sweeps: on a graphics processor as one recorded graph."""
+        """Do ``count`` sweeps: on a GPU as one recorded graph."""
         if not self._sweep.device.is_cuda:
             self._launch(count)
             return
@@ -243,8 +241,10 @@ class DeviceIterates:
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
         sweep = self._sweep
-        sweep.launch(sweep.kernels.write_velocity, sweep.layout.n_blocks, self._velocity, self._relative)
-        return sweep.layout.rows_of(self._lanes(self._relative))
+        sweep.launch(
+            sweep.kernels.write_relative_velocity, sweep.layout.n_blocks, self._velocity, self._relative_velocity
+        )
+        return sweep.layout.rows_of(self._lanes(self._relative_velocity))
 
     def _launch(self, count: int) -> None:
         for _ in range(count):

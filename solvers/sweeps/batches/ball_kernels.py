@@ -19,7 +19,7 @@ from ....problems.contact.residual import outside_disc
 from ...iteration.momentum import extrapolate, momentum_after
 from .pieces import LANES
 
-NUMBERS = 11
+ENTRIES_PER_RECORD = 11
 """Number of entries of a record: n, c, both step sizes, μ, and the inverse masses of both balls."""
 
 WEIGHTS = 4
@@ -28,38 +28,39 @@ squares of the ratios by which ``Residual`` multiplies their violations."""
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def in_frame(frame, difference, spin, free):  # type: ignore[no-untyped-def]
+def velocity_in_frame(frame, difference, spin, free_velocity):  # type: ignore[no-untyped-def]
     """Return ξ of a contact: n·d + c_N, T1·d − T2·s + c_1 and T2·d + T1·s + c_2.
 
-    ``frame`` is (n, T1, T2), ``difference`` is d, ``spin`` is s, and ``free`` is c.
+    ``frame`` is (n, T1, T2), ``difference`` is d, ``spin`` is s, and ``free_velocity`` is c.
     """
     (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z) = frame
     (dx, dy, dz), (sx, sy, sz) = difference, spin
-    along_normal = free[0] + x * dx + y * dy + z * dz
-    along_first = free[1] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
-    along_second = free[2] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
+    along_normal = free_velocity[0] + x * dx + y * dy + z * dz
+    along_first = free_velocity[1] + (t1x * dx + t1y * dy + t1z * dz) - (t2x * sx + t2y * sy + t2z * sz)
+    along_second = free_velocity[2] + (t2x * dx + t2y * dy + t2z * dz) + (t1x * sx + t1y * sy + t1z * sz)
     return along_normal, along_first, along_second
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_balls(  # type: ignore[no-untyped-def]
-    count, bodies, records, kappa, impulses, motion, change, before, momentum, delay, sweeps, beta
+    count, bodies, records, kappa, impulses, motion, change, previous_motion, momentum, delay, sweeps, beta
 ):
     """Do ``count`` sweeps on Λ (``impulses``), v and τ (``motion``), and return the β of the sweep after them.
 
-    ``kappa`` is κ, and the other arguments are those of ``pieces.sweep_batches``.
+    ``kappa`` is κ, and ``previous_motion`` is the motion at which the previous sweep began. The other arguments are
+    those of ``pieces.sweep_batches``.
     """
     two, three, six, lanes = uint64(2), uint64(3), uint64(6), uint64(LANES)
     n_batches = uint64(len(bodies)) // (two * lanes)
     moves, turn = np.empty(six * lanes), np.empty(lanes)
     for _ in range(count):
         if momentum > 0.0:
-            extrapolate(motion, before, beta, 0, len(motion))
+            extrapolate(motion, previous_motion, beta, 0, len(motion))
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
             gather_moves(bodies, pair, motion, moves)
-            record, first_entry = uint64(NUMBERS) * lanes * batch, three * lanes * batch
+            record, first_entry = uint64(ENTRIES_PER_RECORD) * lanes * batch, three * lanes * batch
             update_impulses(records, record, kappa, impulses, change, first_entry, beta, turn, moves)
             inverse_masses = record + uint64(9) * lanes
             for lane in range(lanes):
@@ -102,35 +103,35 @@ def update_impulses(records, record, kappa, impulses, change, first_entry, beta,
     k6, k7, k8 = uint64(6) * lanes, uint64(7) * lanes, uint64(8) * lanes
     for lane in range(lanes):
         r, n = record + lane, first_entry + lane
-        t, s = n + k1, n + k2
+        t1, t2 = n + k1, n + k2
         x, y, z = records[r], records[r + k1], records[r + k2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
         difference = moves[lane], moves[lane + k1], moves[lane + k2]
         spin = kappa * moves[lane + k3], kappa * moves[lane + k4], kappa * moves[lane + k5]
-        free = records[r + k3], records[r + k4], records[r + k5]
+        free_velocity = records[r + k3], records[r + k4], records[r + k5]
         frame = (x, y, z), (t1x, t1y, t1z), (t2x, t2y, t2z)
-        normal, first, second = in_frame(frame, difference, spin, free)
-        ahead_n, ahead_t, ahead_s = beta * change[n], beta * change[t], beta * change[s]
-        old_n, old_t, old_s = impulses[n] + ahead_n, impulses[t] + ahead_t, impulses[s] + ahead_s
-        size_t = records[r + k7]
+        normal, first, second = velocity_in_frame(frame, difference, spin, free_velocity)
+        ahead_n, ahead_t1, ahead_t2 = beta * change[n], beta * change[t1], beta * change[t2]
+        old_n, old_t1, old_t2 = impulses[n] + ahead_n, impulses[t1] + ahead_t1, impulses[t2] + ahead_t2
+        step_size_t = records[r + k7]
         new_n = max(old_n - records[r + k6] * normal, 0.0)
-        new_t, new_s = old_t - size_t * first, old_s - size_t * second
+        new_t1, new_t2 = old_t1 - step_size_t * first, old_t2 - step_size_t * second
         bound = records[r + k8] * new_n
-        squared = new_t * new_t + new_s * new_s
+        squared = new_t1 * new_t1 + new_t2 * new_t2
         scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
-        new_t *= scale
-        new_s *= scale
-        step_n, step_t, step_s = new_n - impulses[n], new_t - impulses[t], new_s - impulses[s]
-        turn[lane] += (ahead_n - step_n) * step_n + (ahead_t - step_t) * step_t + (ahead_s - step_s) * step_s
-        change[n], change[t], change[s] = step_n, step_t, step_s
-        impulses[n], impulses[t], impulses[s] = new_n, new_t, new_s
-        dn, dt, ds = new_n - old_n, new_t - old_t, new_s - old_s
-        moves[lane] = dn * x + dt * t1x + ds * t2x
-        moves[lane + k1] = dn * y + dt * t1y + ds * t2y
-        moves[lane + k2] = dn * z + dt * t1z + ds * t2z
-        moves[lane + k3] = dt * t2x - ds * t1x
-        moves[lane + k4] = dt * t2y - ds * t1y
-        moves[lane + k5] = dt * t2z - ds * t1z
+        new_t1 *= scale
+        new_t2 *= scale
+        step_n, step_t1, step_t2 = new_n - impulses[n], new_t1 - impulses[t1], new_t2 - impulses[t2]
+        turn[lane] += (ahead_n - step_n) * step_n + (ahead_t1 - step_t1) * step_t1 + (ahead_t2 - step_t2) * step_t2
+        change[n], change[t1], change[t2] = step_n, step_t1, step_t2
+        impulses[n], impulses[t1], impulses[t2] = new_n, new_t1, new_t2
+        dn, dt1, dt2 = new_n - old_n, new_t1 - old_t1, new_t2 - old_t2
+        moves[lane] = dn * x + dt1 * t1x + dt2 * t2x
+        moves[lane + k1] = dn * y + dt1 * t1y + dt2 * t2y
+        moves[lane + k2] = dn * z + dt1 * t1z + dt2 * t2z
+        moves[lane + k3] = dt1 * t2x - dt2 * t1x
+        moves[lane + k4] = dt1 * t2y - dt2 * t1y
+        moves[lane + k5] = dt1 * t2z - dt2 * t1z
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
@@ -153,7 +154,7 @@ def find_violations(bodies, records, kappa, impulses, motion, weights, batch, mo
     k1 = uint64(LANES)
     k2, k3 = uint64(2) * k1, uint64(3) * k1
     gather_moves(bodies, k2 * batch, motion, moves)
-    record, first_entry, weight = uint64(NUMBERS) * k1 * batch, k3 * batch, uint64(WEIGHTS) * k1 * batch
+    record, first_entry, weight = uint64(ENTRIES_PER_RECORD) * k1 * batch, k3 * batch, uint64(WEIGHTS) * k1 * batch
     for lane in range(k1):
         r, n, w = record + lane, first_entry + lane, weight + lane
         normal, first, second = lane_velocity(records, r, kappa, moves, lane)
@@ -177,8 +178,8 @@ def lane_velocity(records, r, kappa, moves, lane):  # type: ignore[no-untyped-de
     first, second = tangents(x, y, z)
     difference = moves[lane], moves[lane + k1], moves[lane + k2]
     spin = kappa * moves[lane + k3], kappa * moves[lane + k4], kappa * moves[lane + k5]
-    free = records[r + k3], records[r + k4], records[r + k5]
-    return in_frame(((x, y, z), first, second), difference, spin, free)
+    free_velocity = records[r + k3], records[r + k4], records[r + k5]
+    return velocity_in_frame(((x, y, z), first, second), difference, spin, free_velocity)
 
 
 @njit(cache=True, inline="always")

@@ -1,7 +1,7 @@
 """Sweeps over contacts of balls in batches, from one record with a normal for each contact.
 
-The iterates are those of ``pieces``. In place of two pieces of W̃, a contact has its normal and the inverse masses of
-its balls; ``ball_kernels`` has the equations.
+The iterates are those of the sweeps in the module ``pieces``. In place of two pieces of W̃, a contact has its normal and
+the inverse masses of its balls; ``ball_kernels`` has the equations.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ...iteration.loop import SinglePassIterates
 from ...iteration.momentum import MomentumState
-from .ball_kernels import NUMBERS, WEIGHTS, in_frame, largest_violation, sweep_balls
+from .ball_kernels import ENTRIES_PER_RECORD, WEIGHTS, largest_violation, sweep_balls, velocity_in_frame
 from .pieces import LANES, MIN_FILL, assign_batches
 
 EQUALITY_TOLERANCE = 1e-12
@@ -33,29 +33,39 @@ class Balls(NamedTuple):
         directions: W.
         contacts: the records of all contacts, in their order.
         inverse_masses: 1/m of each ball, and 0 for surfaces [1/kg], shape (n_balls + 1,).
-        spin_share: κ = r²m/J.
+        spin_ratio: κ = r²m/J.
     """
 
     directions: Pieces
     contacts: BallRecords
     inverse_masses: FloatArray
-    spin_share: float
+    spin_ratio: float
 
-    def pack(self, problem: ContactProblem, sizes: FloatArray, places: IntArray, n_batches: int) -> tuple[Any, ...]:
-        """Return bodies, records and slots of ``BallSweep`` for contacts at ``places`` (batch · LANES + lane)."""
-        arrays = self.contacts.chunks, self.contacts.normals, problem.free_velocity, sizes
+    def pack(
+        self, problem: ContactProblem, step_sizes: FloatArray, positions: IntArray, n_batches: int
+    ) -> tuple[Any, ...]:
+        """Return bodies, records and slots of ``BallSweep`` for contacts at ``positions`` (batch · LANES + lane)."""
+        arrays = self.contacts.chunks, self.contacts.normals, problem.free_velocity, step_sizes
         packed: tuple[Any, ...] = _pack(
-            *arrays, problem.layout.friction_coefficient, self.inverse_masses, places, n_batches
+            *arrays, problem.layout.friction_coefficient, self.inverse_masses, positions, n_batches
         )
         return packed
 
-    def renumbered(self, bodies: IntArray, chunks: IntArray) -> "Balls":
-        """Return these balls in the order of ``bodies``; ``chunks`` has the new numbers of both balls of a contact."""
-        contacts = BallRecords(chunks, self.contacts.normals, self.contacts.radii[bodies])
-        return self._replace(contacts=contacts, inverse_masses=np.append(self.inverse_masses[bodies], 0.0))
+    def renumbered(self, order: IntArray, bodies: IntArray) -> "Balls":
+        """Return these balls in another order.
+
+        Args:
+            order: current number of each ball in the new order.
+            bodies: new numbers of both balls of each contact, shape (2 · n_contacts,).
+        """
+        contacts = BallRecords(bodies, self.contacts.normals, self.contacts.radii[order])
+        return self._replace(contacts=contacts, inverse_masses=np.append(self.inverse_masses[order], 0.0))
 
     def motion(self, impulses: FloatArray) -> FloatArray:
-        """Return v and τ of all balls, and zeros for surfaces, from Λ over rows; flat from shape (n_balls + 1, 6)."""
+        """Return v and τ of all balls, and zeros for surfaces, as a flat array of (n_balls + 1) × 6 entries.
+
+        The impulses Λ are in the order of rows.
+        """
         motion = np.zeros(6 * len(self.inverse_masses))
         if impulses.any():
             _write_motion(self.contacts.chunks, self.contacts.normals, self.inverse_masses, impulses, motion)
@@ -63,7 +73,11 @@ class Balls(NamedTuple):
 
 
 def balls_of(problem: ContactProblem) -> Balls | None:
-    """Return the balls of a problem, or None if its contacts are not those of balls that share κ."""
+    """Return the balls of a problem, or None.
+
+    The result is None unless the problem has factors, its contacts are spatial contacts of balls with Coulomb friction,
+    and the balls share κ.
+    """
     factors, layout = problem.factors, problem.layout
     if factors is None or not isinstance(factors.directions, Pieces):
         return None
@@ -74,10 +88,12 @@ def balls_of(problem: ContactProblem) -> Balls | None:
     if not factors.inverse_mass.is_diagonal or not layout.is_dense or not layout.bounds_are_own:
         return None
     inverse_masses = np.zeros(pieces.n_chunks + 1)
-    spin_share = float(_write_inverse_masses(factors.inverse_mass.matrix.data, contacts.radii, inverse_masses))
-    if spin_share <= 0.0 or layout.fixed_bound.any():
+    spin_ratio = float(
+        _find_inverse_masses_and_spin_ratio(factors.inverse_mass.matrix.data, contacts.radii, inverse_masses)
+    )
+    if spin_ratio <= 0.0 or layout.fixed_bound.any():
         return None
-    return Balls(pieces, contacts, inverse_masses, spin_share)
+    return Balls(pieces, contacts, inverse_masses, spin_ratio)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,21 +103,21 @@ class BallSweep:
     Attributes:
         layout: the padded blocks.
         balls: the balls.
-        free: c, flat.
+        free_velocity: c, shape (n_rows,).
         bodies: first coordinate of both balls of each lane, shape (n_batches · 2 · LANES,).
-        records: numbers of all contacts in batches, shape (n_batches · NUMBERS · LANES,).
+        records: data of all contacts, in batches, shape (n_batches · ENTRIES_PER_RECORD · LANES,).
         slots: position of each entry of Λ in the order of batches.
     """
 
     layout: BlockLayout
     balls: Balls
-    free: FloatArray
+    free_velocity: FloatArray
     bodies: np.ndarray[tuple[int, ...], np.dtype[np.uint32]]
     records: FloatArray
     slots: IntArray
 
     @staticmethod
-    def over(problem: ContactProblem, sizes: FloatArray) -> "BallSweep | None":
+    def over(problem: ContactProblem, step_sizes: FloatArray) -> "BallSweep | None":
         """Return the sweep with step sizes as in ``step_size``.
 
         Return None if batches would have few contacts, or the contacts are not those of balls that share κ.
@@ -110,13 +126,13 @@ class BallSweep:
         if balls is None:
             return None
         batches = assign_batches(balls.directions)
-        if len(batches.places) < MIN_FILL * LANES * batches.n_batches:
+        if len(batches.positions) < MIN_FILL * LANES * batches.n_batches:
             return None
-        bodies, records, slots = balls.pack(problem, sizes, *batches)
+        bodies, records, slots = balls.pack(problem, step_sizes, *batches)
         return BallSweep(problem.layout, balls, problem.free_velocity, bodies, records, slots)
 
     def weights(self, residual: Residual) -> FloatArray:
-        """Return α and squared ratios of the laws in batches, 0 in empty lanes.
+        """Return α of the laws, and the squares of ``Residual.ratios``, in batches; 0 in empty lanes.
 
         Their shape is (n_batches · WEIGHTS · LANES,).
         """
@@ -139,17 +155,17 @@ class BallIterates(MomentumState, SinglePassIterates):
         self._impulses[sweep.slots] = start
         self._motion = sweep.balls.motion(start)
         self._change = np.zeros_like(self._impulses)
-        self._before = self._motion.copy() if momentum > 0.0 else self._motion
-        self._relative = np.empty(len(start))
+        self._previous_motion = self._motion.copy() if momentum > 0.0 else self._motion
+        self._relative_velocity = np.empty(len(start))
         self._residual: Residual | None = None
         self._weights = np.empty(0)
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
-        data = self._sweep
-        arrays = (self._impulses, self._motion, self._change, self._before)
+        sweep = self._sweep
+        arrays = (self._impulses, self._motion, self._change, self._previous_motion)
         momentum = self._momentum, self._delay, self._sweeps, self._beta
-        self._beta = sweep_balls(count, data.bodies, data.records, data.balls.spin_share, *arrays, *momentum)
+        self._beta = sweep_balls(count, sweep.bodies, sweep.records, sweep.balls.spin_ratio, *arrays, *momentum)
         self._sweeps += count
 
     def impulses(self) -> FloatArray:
@@ -158,33 +174,35 @@ class BallIterates(MomentumState, SinglePassIterates):
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
-        data, contacts = self._sweep, self._sweep.balls.contacts
-        share = data.balls.spin_share
-        _write_relative(contacts.chunks, contacts.normals, share, data.free, self._motion, self._relative)
-        return self._relative
+        sweep, contacts = self._sweep, self._sweep.balls.contacts
+        spin_ratio = sweep.balls.spin_ratio
+        _write_relative_velocity(
+            contacts.chunks, contacts.normals, spin_ratio, sweep.free_velocity, self._motion, self._relative_velocity
+        )
+        return self._relative_velocity
 
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
         """Return Λ over rows and its residual."""
-        if not measures_squares(residual):
+        if not can_compare_squares(residual):
             impulses = self.impulses()
             return impulses, residual(impulses, self.relative_velocity())
-        data, impulses = self._sweep, np.empty(len(self._sweep.slots))
+        sweep, impulses = self._sweep, np.empty(len(self._sweep.slots))
         if residual is not self._residual:
-            self._residual, self._weights = residual, data.weights(residual)
-        arrays = data.bodies, data.records, data.balls.spin_share, self._impulses, self._motion
-        violation = largest_violation(*arrays, self._weights, data.slots, impulses)
+            self._residual, self._weights = residual, sweep.weights(residual)
+        arrays = sweep.bodies, sweep.records, sweep.balls.spin_ratio, self._impulses, self._motion
+        violation = largest_violation(*arrays, self._weights, sweep.slots, impulses)
         return impulses, ratio(violation, residual.scale)
 
 
-def measures_squares(residual: Residual) -> bool:
+def can_compare_squares(residual: Residual) -> bool:
     """Whether the residual is that of Coulomb's law, and squares of its velocities are in range."""
     return type(residual) is Residual and residual.unit == 1.0 and not residual.infeasible
 
 
 @njit(cache=True)
-def _write_inverse_masses(inverse, radii, inverse_masses):  # type: ignore[no-untyped-def]
-    """Write 1/m of each ball and return κ = r²m/J, or 0 if balls differ in κ or have several moments of inertia."""
-    share = 0.0
+def _find_inverse_masses_and_spin_ratio(inverse, radii, inverse_masses):  # type: ignore[no-untyped-def]
+    """Write 1/m of each ball, and return κ = r²m/J, or 0 if balls differ in κ or have several moments of inertia."""
+    spin_ratio = 0.0
     for ball in range(len(radii)):
         linear, angular = inverse[6 * ball], inverse[6 * ball + 3]
         for axis in range(1, 3):
@@ -193,30 +211,30 @@ def _write_inverse_masses(inverse, radii, inverse_masses):  # type: ignore[no-un
             if abs(inverse[6 * ball + 3 + axis] - angular) > EQUALITY_TOLERANCE * angular:
                 return 0.0
         inverse_masses[ball] = linear
-        ball_share = radii[ball] * radii[ball] * angular / linear
+        ball_ratio = radii[ball] * radii[ball] * angular / linear
         if ball == 0:
-            share = ball_share
-        if abs(ball_share - share) > EQUALITY_TOLERANCE * share:
+            spin_ratio = ball_ratio
+        if abs(ball_ratio - spin_ratio) > EQUALITY_TOLERANCE * spin_ratio:
             return 0.0
-    return share
+    return spin_ratio
 
 
 @njit(cache=True)
-def _pack(chunks, normals, free, sizes, friction, inverse_masses, places, n_batches):  # type: ignore[no-untyped-def]
+def _pack(balls, normals, free_velocity, step_sizes, friction, inverse_masses, positions, n_batches):  # type: ignore[no-untyped-def]
     """Return the first coordinate of both balls of each lane, the records, and slots as in ``slots_in_batches``."""
-    slots = np.empty(3 * len(places), dtype=np.int64)
+    slots = np.empty(3 * len(positions), dtype=np.int64)
     idle = len(inverse_masses) - 1
     bodies = np.full(n_batches * 2 * LANES, 6 * idle, dtype=np.uint32)
-    records = np.zeros(n_batches * NUMBERS * LANES)
-    for c in range(len(places)):
-        batch, lane = places[c] // LANES, places[c] % LANES
-        i, j, first_entry = chunks[2 * c], chunks[2 * c + 1], NUMBERS * LANES * batch + lane
+    records = np.zeros(n_batches * ENTRIES_PER_RECORD * LANES)
+    for c in range(len(positions)):
+        batch, lane = positions[c] // LANES, positions[c] % LANES
+        i, j, first_entry = balls[2 * c], balls[2 * c + 1], ENTRIES_PER_RECORD * LANES * batch + lane
         bodies[2 * LANES * batch + lane], bodies[(2 * batch + 1) * LANES + lane] = 6 * i, 6 * j
         for k in range(3):
             records[first_entry + LANES * k] = normals[c, k]
-            records[first_entry + LANES * (3 + k)] = free[3 * c + k]
+            records[first_entry + LANES * (3 + k)] = free_velocity[3 * c + k]
             slots[3 * c + k] = LANES * (3 * batch + k) + lane
-        records[first_entry + LANES * 6], records[first_entry + LANES * 7] = sizes[c, 0], sizes[c, 1]
+        records[first_entry + LANES * 6], records[first_entry + LANES * 7] = step_sizes[c, 0], step_sizes[c, 1]
         records[first_entry + LANES * 8] = friction[c]
         records[first_entry + LANES * 9], records[first_entry + LANES * 10] = inverse_masses[i], inverse_masses[j]
     return bodies, records, slots
@@ -237,7 +255,7 @@ def write_weights(alpha, ratios, slots, weights):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_motion(chunks, normals, inverse_masses, impulses, motion):  # type: ignore[no-untyped-def]
+def _write_motion(balls, normals, inverse_masses, impulses, motion):  # type: ignore[no-untyped-def]
     """Write v and τ of given impulses."""
     for c in range(len(normals)):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
@@ -250,32 +268,32 @@ def _write_motion(chunks, normals, inverse_masses, impulses, motion):  # type: i
         )
         turn = (first * t2x - second * t1x, first * t2y - second * t1y, first * t2z - second * t1z)
         for side in range(2):
-            ball, sign = chunks[2 * c + side], 1.0 - 2.0 * side
+            ball, sign = balls[2 * c + side], 1.0 - 2.0 * side
             for axis in range(3):
                 motion[6 * ball + axis] += sign * inverse_masses[ball] * push[axis]
                 motion[6 * ball + 3 + axis] -= inverse_masses[ball] * turn[axis]
 
 
 @njit(cache=True, fastmath={"contract"})
-def _write_relative(chunks, normals, share, free, motion, relative):  # type: ignore[no-untyped-def]
+def _write_relative_velocity(balls, normals, spin_ratio, free_velocity, motion, relative_velocity):  # type: ignore[no-untyped-def]
     """Write ξ = GΛ + c."""
     for c in range(len(normals)):
-        xi = _relative(c, chunks, normals, share, free, motion)
-        relative[3 * c], relative[3 * c + 1], relative[3 * c + 2] = xi
+        xi = _contact_velocity(c, balls, normals, spin_ratio, free_velocity, motion)
+        relative_velocity[3 * c], relative_velocity[3 * c + 1], relative_velocity[3 * c + 2] = xi
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
-def _relative(c, chunks, normals, share, free, motion):  # type: ignore[no-untyped-def]
+def _contact_velocity(c, balls, normals, spin_ratio, free_velocity, motion):  # type: ignore[no-untyped-def]
     """Return ξ of one contact."""
     row, six = uint64(3) * uint64(c), uint64(6)
-    i, j = six * uint64(chunks[uint64(2) * uint64(c)]), six * uint64(chunks[uint64(2) * uint64(c) + uint64(1)])
+    i, j = six * uint64(balls[uint64(2) * uint64(c)]), six * uint64(balls[uint64(2) * uint64(c) + uint64(1)])
     normal = normals[c, 0], normals[c, 1], normals[c, 2]
     first, second = tangents(normal[0], normal[1], normal[2])
     dx = motion[i] - motion[j]
     dy = motion[i + uint64(1)] - motion[j + uint64(1)]
     dz = motion[i + uint64(2)] - motion[j + uint64(2)]
-    sx = share * (motion[i + uint64(3)] + motion[j + uint64(3)])
-    sy = share * (motion[i + uint64(4)] + motion[j + uint64(4)])
-    sz = share * (motion[i + uint64(5)] + motion[j + uint64(5)])
-    contact_free = free[row], free[row + uint64(1)], free[row + uint64(2)]
-    return in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), contact_free)
+    sx = spin_ratio * (motion[i + uint64(3)] + motion[j + uint64(3)])
+    sy = spin_ratio * (motion[i + uint64(4)] + motion[j + uint64(4)])
+    sz = spin_ratio * (motion[i + uint64(5)] + motion[j + uint64(5)])
+    contact_free_velocity = free_velocity[row], free_velocity[row + uint64(1)], free_velocity[row + uint64(2)]
+    return velocity_in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), contact_free_velocity)

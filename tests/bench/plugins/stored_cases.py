@@ -67,7 +67,7 @@ def solved_case(
             iterations=solution.iterations,
             residual=judged.coulomb.residual,
             model_residual=judged.own.residual,
-            verdict=judged.coulomb.numbers(),
+            verdict=judged.coulomb.numeric_fields(),
             impulses=judged.kept,
             impulse_error=judged.impulse_error(problem),
         )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from proxbench.bench.errors import BenchError
-from proxbench.bench.recordings.contact_points import Places, find_places, grid_places
+from proxbench.bench.recordings.contact_points import ContactPoints, find_contact_points, grid_contact_points
 from proxbench.problems import ContactProblem, load
 from proxbench.problems.arrays import FloatArray
 from proxbench.problems.motion.bodies.balls import BallSystem
@@ -36,25 +36,28 @@ def heap(dimension: int, friction: float | None) -> tuple[ContactProblem, FloatA
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_contact_points_of_a_heap_are_recovered_up_to_translation(dimension: int) -> None:
     problem, points = heap(dimension, 0.3)
-    found = find_places(problem).positions
+    found = find_contact_points(problem).positions
     np.testing.assert_allclose(found - found[0], points - points[0], atol=1e-10)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_balls_of_a_heap_are_recovered_with_their_radii(dimension: int) -> None:
-    places = find_places(heap(dimension, 0.3)[0])
-    assert places.bodies is not None
-    np.testing.assert_allclose(places.bodies.radii, [0.01, 0.02, 0.01, 0.02, 0.01], rtol=1e-9)
-    first = places.bodies.centres[0] - places.positions[1]  # its contact with the ground
+    contact_points = find_contact_points(heap(dimension, 0.3)[0])
+    assert contact_points.bodies is not None
+    np.testing.assert_allclose(contact_points.bodies.radii, [0.01, 0.02, 0.01, 0.02, 0.01], rtol=1e-9)
+    first = contact_points.bodies.centres[0] - contact_points.positions[1]  # its contact with the ground
     np.testing.assert_allclose(first, [0.0, 0.0, 0.01], atol=1e-10)
-    assert len(places.bodies.arms) == 0
-    assert "5 balls" in places.origin
+    assert len(contact_points.bodies.arms) == 0
+    assert "5 balls" in contact_points.origin
 
 
 def test_balls_in_contact_touch() -> None:
-    places = find_places(load("pile-100"))
-    assert places.bodies is not None
-    depth = np.linalg.norm(places.positions[:, None] - places.bodies.centres[None], axis=2) - places.bodies.radii
+    contact_points = find_contact_points(load("pile-100"))
+    assert contact_points.bodies is not None
+    depth = (
+        np.linalg.norm(contact_points.positions[:, None] - contact_points.bodies.centres[None], axis=2)
+        - contact_points.bodies.radii
+    )
     assert np.abs(depth).min(axis=1).max() < 1e-9  # every contact lies on a ball
 
 
@@ -69,24 +72,26 @@ def with_inertia(problem: ContactProblem, factor: float) -> ContactProblem:
 
 @pytest.mark.parametrize(("factor", "balls"), [(1.0, 5), (0.5, 5), (1.1, 0)])
 def test_body_of_larger_inertia_than_a_uniform_ball_is_not_drawn_as_a_ball(factor: float, balls: int) -> None:
-    bodies = find_places(with_inertia(heap(3, 0.3)[0], factor)).bodies
+    bodies = find_contact_points(with_inertia(heap(3, 0.3)[0], factor)).bodies
     assert bodies is not None
     assert bodies.is_ball.sum() == balls
 
 
 def test_bodies_of_unknown_shape_are_joined_to_their_contacts() -> None:
-    places = find_places(load("hard-sticking-box"))
-    assert places.bodies is not None
-    assert not places.bodies.is_ball.any()
-    np.testing.assert_allclose(places.bodies.arms[:, 0], np.tile(places.bodies.centres, (4, 1)), atol=1e-12)
-    np.testing.assert_allclose(places.bodies.arms[:, 1], places.positions, atol=1e-12)
-    assert "1 body of unknown shape" in places.origin
+    contact_points = find_contact_points(load("hard-sticking-box"))
+    assert contact_points.bodies is not None
+    assert not contact_points.bodies.is_ball.any()
+    np.testing.assert_allclose(
+        contact_points.bodies.arms[:, 0], np.tile(contact_points.bodies.centres, (4, 1)), atol=1e-12
+    )
+    np.testing.assert_allclose(contact_points.bodies.arms[:, 1], contact_points.positions, atol=1e-12)
+    assert "1 body of unknown shape" in contact_points.origin
 
 
 def test_balls_that_cannot_turn_do_not_show_their_radius() -> None:
-    places = find_places(load("funnel-frictionless-30"))
-    assert places.bodies is not None
-    assert not places.bodies.is_ball.any()
+    contact_points = find_contact_points(load("funnel-frictionless-30"))
+    assert contact_points.bodies is not None
+    assert not contact_points.bodies.is_ball.any()
 
 
 @pytest.mark.parametrize("name", ["funnel-100", "funnel-planar-30", "funnel-frictionless-30"])
@@ -97,7 +102,7 @@ def test_impulses_in_space_add_up_to_the_momentum_of_the_bodies(name: str) -> No
     only = int(rng.integers(problem.n_contacts))
     lanes = np.zeros((problem.n_contacts, problem.layout.width))
     lanes[only] = rng.uniform(1.0, 2.0, problem.layout.width)
-    vector = find_places(problem).vectors(lanes)[only]
+    vector = find_contact_points(problem).vectors(lanes)[only]
     momentum = problem.factors.force_directions @ problem.layout.unpad(lanes)
     length = {"funnel-100": 6, "funnel-planar-30": 3, "funnel-frictionless-30": 3}[name]
     bodies = momentum.reshape(-1, length)[:, : 2 if "planar" in name else 3]
@@ -107,7 +112,7 @@ def test_impulses_in_space_add_up_to_the_momentum_of_the_bodies(name: str) -> No
 
 
 def test_corners_of_a_box_are_recovered() -> None:
-    found = find_places(load("hard-sticking-box")).positions
+    found = find_contact_points(load("hard-sticking-box")).positions
     corners = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, 0.5, 0.0], [0.5, 0.5, 0.0]])
     np.testing.assert_allclose(found, corners, atol=1e-12)
 
@@ -115,27 +120,27 @@ def test_corners_of_a_box_are_recovered() -> None:
 @pytest.mark.parametrize("name", ["hard-counterexample", "woodpecker-beak-impact", "hard-mixed-laws", "hard-stack-10"])
 def test_contacts_without_bodies_are_placed_on_a_grid(name: str) -> None:
     problem = load(name)
-    places = find_places(problem)
-    assert places.positions.shape == (problem.n_contacts, 3)
-    assert "grid" in places.origin
-    assert places.bodies is None
-    assert "not drawn" in places.origin
-    np.testing.assert_array_equal(places.frames[0], [[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    contact_points = find_contact_points(problem)
+    assert contact_points.positions.shape == (problem.n_contacts, 3)
+    assert "grid" in contact_points.origin
+    assert contact_points.bodies is None
+    assert "not drawn" in contact_points.origin
+    np.testing.assert_array_equal(contact_points.frames[0], [[0, 0, 1], [1, 0, 0], [0, 1, 0]])
 
 
 def test_grid_positions_are_distinct() -> None:
-    positions = grid_places(10).positions
+    positions = grid_contact_points(10).positions
     assert len({tuple(position) for position in positions}) == 10
 
 
 @pytest.mark.slow
 def test_separate_heaps_are_placed_apart() -> None:
-    places = find_places(load("funnel-1000"))
-    distances = np.linalg.norm(places.positions[:, None] - places.positions[None], axis=2)
+    contact_points = find_contact_points(load("funnel-1000"))
+    distances = np.linalg.norm(contact_points.positions[:, None] - contact_points.positions[None], axis=2)
     np.fill_diagonal(distances, 1.0)
-    assert distances.min() > 0.1 * places.size
+    assert distances.min() > 0.1 * contact_points.size
 
 
-def test_inconsistent_places_are_rejected() -> None:
+def test_inconsistent_contact_points_are_rejected() -> None:
     with pytest.raises(BenchError, match="frames of shape"):
-        Places(np.zeros((2, 3)), np.zeros((3, 3, 3)), 1.0, "")
+        ContactPoints(np.zeros((2, 3)), np.zeros((3, 3, 3)), 1.0, "")

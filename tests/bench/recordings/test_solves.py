@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.errors import BenchError
-from proxbench.bench.recordings.contact_points import grid_places
+from proxbench.bench.recordings.contact_points import grid_contact_points
 from proxbench.bench.recordings.contact_states import ContactState
 from proxbench.bench.recordings.solves import RecordedSolves, record_solves
 from proxbench.problems import ContactProblem, judge, load
@@ -36,11 +36,11 @@ def test_arrows_are_the_impulses_at_the_contacts(recorded: RecordedSolves, read_
     content, problem = read_back(recorded.file), load("funnel-30")
     trace = recorded.traces[0]
     origins = np.array(content.static("/solvers/0/impulses", "Arrows3D:origins"))
-    np.testing.assert_allclose(origins, recorded.places.positions, atol=1e-7)
+    np.testing.assert_allclose(origins, recorded.contact_points.positions, atol=1e-7)
     arrows = content.over_time("/solvers/0/impulses", "Arrows3D:vectors")
     assert list(arrows) == trace.shown
     drawn = np.array(arrows[trace.shown[-1]])
-    true = recorded.places.vectors(trace.impulses[-1])
+    true = recorded.contact_points.vectors(trace.impulses[-1])
     assert drawn.shape == (problem.n_contacts, 3)
     short = np.linalg.norm(drawn, axis=1) < 0.99 * np.linalg.norm(drawn, axis=1).max()
     scales = np.linalg.norm(drawn[short], axis=1) / np.maximum(np.linalg.norm(true[short], axis=1), 1e-300)
@@ -49,7 +49,7 @@ def test_arrows_are_the_impulses_at_the_contacts(recorded: RecordedSolves, read_
 
 
 def test_balls_are_drawn_for_all_solvers(recorded: RecordedSolves, read_back: Callable[[Path], Any]) -> None:
-    content, bodies = read_back(recorded.file), recorded.places.bodies
+    content, bodies = read_back(recorded.file), recorded.contact_points.bodies
     assert bodies is not None
     half_sizes = np.array(content.static("/bodies/balls", "Ellipsoids3D:half_sizes"))
     np.testing.assert_allclose(half_sizes.T, 3 * [bodies.radii], rtol=1e-6)
@@ -98,7 +98,7 @@ def test_diverging_solver_does_not_distort_the_scale(tmp_path: Path, read_back: 
         for solver in (0, 1)
         for arrows in content.over_time(f"/solvers/{solver}/impulses", "Arrows3D:vectors").values()
     ]
-    assert max(lengths) < 10 * made.places.size
+    assert max(lengths) < 10 * made.contact_points.size
     assert max(content.curve("/curves/residual/0").values()) < 4.0
     assert made.traces[0].residual[-1] > 1e6
 
@@ -112,12 +112,12 @@ def test_degenerate_and_mixed_problems_can_be_recorded(
         assert np.isfinite(list(read_back(made.file).curve(f"/curves/residual/{solver}").values())).all()
 
 
-def test_given_places_are_used_and_must_fit(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
+def test_given_contact_points_are_used_and_must_fit(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
     problem = load("hard-sticking-box")
-    made = record_solves(problem, [create("SORprox")], STOP, tmp_path / "a.rrd", places=grid_places(4))
+    made = record_solves(problem, [create("SORprox")], STOP, tmp_path / "a.rrd", contact_points=grid_contact_points(4))
     assert read_back(made.file).static("/solvers/0/impulses", "Arrows3D:origins")[3] == [1.0, 1.0, 0.0]
-    with pytest.raises(BenchError, match="have 5 contacts"):
-        record_solves(problem, [create("SORprox")], STOP, tmp_path / "b.rrd", places=grid_places(5))
+    with pytest.raises(BenchError, match="there are 5 contact points"):
+        record_solves(problem, [create("SORprox")], STOP, tmp_path / "b.rrd", contact_points=grid_contact_points(5))
     assert not (tmp_path / "b.rrd").exists()
 
 

@@ -40,7 +40,7 @@ def pile_under_a_fast_ball() -> ContactProblem:
 
 def point_of(problem: ContactProblem, impulses: np.ndarray) -> Point:
     verdict = judge(problem, impulses)
-    numbers = {name: value for name, value in verdict.numbers().items() if name != "residual"}
+    numbers = {name: value for name, value in verdict.numeric_fields().items() if name != "residual"}
     measured = measured_in([timed_round(0, 1.0)], residual=verdict.residual, verdict=numbers)
     return Point(tolerance=1e-4, outcome=Outcome.SOLVED, reason="", status="solved", measured=measured)
 

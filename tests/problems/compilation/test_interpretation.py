@@ -86,7 +86,7 @@ def results():
         for solver in ("Robust", "NSGS"):
             solution = solve(problem, solver, tolerance=1e-9, max_iterations=100)
             verdict = judge(problem, solution.impulses)
-            found += [solution.message, solution.iterations, solution.impulses.tobytes(), verdict.numbers()]
+            found += [solution.message, solution.iterations, solution.impulses.tobytes(), verdict.numeric_fields()]
         yield found
 
 interpretation.MAX_INTERPRETED_SECONDS = interpretation.MAX_INTERPRETED_NUMBERS = float("inf")

@@ -25,7 +25,7 @@ class EndsWith:
     def regularised(self, weight: np.ndarray) -> "EndsWith":
         return self
 
-    def run(self, velocity: np.ndarray, accuracy: float, iterations: int, seconds: float) -> ConicResult:
+    def run(self, velocity: np.ndarray, accuracy: float, max_iterations: int, max_seconds: float) -> ConicResult:
         return self.result
 
 

@@ -54,7 +54,7 @@ def test_the_linearisation_on_the_central_path_is_a_quotient_of_jordan_products(
 
 @given(x=interior(), d=vectors())
 def test_a_step_to_the_boundary_ends_there_and_no_earlier(x: Vector, d: Vector) -> None:
-    t = cones.to_boundary(x, d[0], d)
+    t = cones.step_to_boundary(x, d[0], d)
     inside = x + (0.999 * t if np.isfinite(t) else 1e6) * d
     assert inside[0] >= np.hypot(inside[1], inside[2]) * (1.0 - 1e-9)
     if np.isfinite(t):

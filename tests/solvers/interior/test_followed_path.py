@@ -26,7 +26,7 @@ def test_the_error_of_a_series_has_the_order_after_its_last_term(order: int) -> 
     series = path._series(point, path._oriented_tangent(point))
 
     def left(a: float) -> float:
-        end = Point(prepared.scaled, prepared.system, series.manifold_vector(a), series.tau_at(a) * point.tau)
+        end = Point(prepared.scaled_problem, prepared.system, series.manifold_vector(a), series.tau_at(a) * point.tau)
         return float(np.abs(end.primal - point.primal).max())
 
     reach = 0.05 * path._range(series)

@@ -89,10 +89,7 @@ def test_the_name_always_says_the_device() -> None:
 def test_a_missing_graphics_processor_is_reported_in_one_sentence() -> None:
     with pytest.raises(SolverError) as raised:
         create("WarpJORprox")
-    assert (
-        str(raised.value)
-        == "WarpJORprox needs a graphics processor for device='cuda', and there is none; use device='cpu'."
-    )
+    assert str(raised.value) == "WarpJORprox needs a GPU for device='cuda', and there is none; use device='cpu'."
 
 
 @pytest.mark.skipif(not warp.is_cuda_available(), reason="there is no graphics processor")

@@ -89,18 +89,20 @@ def model_xml(description: Description, time_step: float, options: dict[str, Any
     geoms = ['<geom type="plane" size="0 0 1"/>'] if description.has_floor else []
     for panel in description.panels:
         x, y, z, w = panel.quaternion
-        pose = f'pos="{_numbers(panel.centre)}" quat="{_numbers((w, x, y, z))}"'
-        geoms.append(f'<geom type="box" size="{_numbers(panel.half_sizes)}" {pose}/>')
+        pose = f'pos="{_vector_text(panel.centre)}" quat="{_vector_text((w, x, y, z))}"'
+        geoms.append(f'<geom type="box" size="{_vector_text(panel.half_sizes)}" {pose}/>')
     for body in description.bodies:
-        shape = f'type="box" size="{_numbers(3 * [body.half_size])}"' if body.is_cube else f'size="{body.half_size!r}"'
+        shape = (
+            f'type="box" size="{_vector_text(3 * [body.half_size])}"' if body.is_cube else f'size="{body.half_size!r}"'
+        )
         geom = f'<geom {shape} mass="{body.mass!r}"/>'
-        geoms.append(f'<body pos="{_numbers(body.position)}"><freejoint/>{geom}</body>')
+        geoms.append(f'<body pos="{_vector_text(body.position)}"><freejoint/>{geom}</body>')
     attributes = " ".join(f'{name}="{value}"' for name, value in solver.items())
     return (
-        f'<mujoco><size memory="200M"/><option timestep="{time_step}" gravity="{_numbers(description.gravity)}" '
+        f'<mujoco><size memory="200M"/><option timestep="{time_step}" gravity="{_vector_text(description.gravity)}" '
         f"{attributes}/><default><geom {contact}/></default><worldbody>{''.join(geoms)}</worldbody></mujoco>"
     )
 
 
-def _numbers(values: Any) -> str:
+def _vector_text(values: Any) -> str:
     return " ".join(repr(float(value)) for value in values)

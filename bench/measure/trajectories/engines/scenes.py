@@ -50,7 +50,7 @@ def _thrown_cube() -> Description:
     cube = Body(True, HALF_EDGE, CUBE_MASS, (0.0, 0.0, HALF_EDGE), (THROW_SPEED, 0.0, 0.0))
     errors = ("lift [mm]", "speed [%]")
     options = {"speed": THROW_SPEED}
-    return _of_cubes("thrown-cube", (cube,), SLIDING_FRICTION, 1.0, errors, _measure_throw, "thrown_box", options)
+    return _cube_scene("thrown-cube", (cube,), SLIDING_FRICTION, 1.0, errors, _measure_throw, "thrown_box", options)
 
 
 def _measure_throw(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -67,7 +67,9 @@ def _incline(name: str, slope: float) -> Description:
     errors = ("distance [%]" if slides else "drift [mm]", "lift [mm]")
     measure = _measure_slide if slides else _measure_drift
     options = {"slope": float(angle)}
-    return _of_cubes(name, (cube,), SLIDING_FRICTION, 1.0, errors, measure, "box_on_incline", options, gravity=gravity)
+    return _cube_scene(
+        name, (cube,), SLIDING_FRICTION, 1.0, errors, measure, "box_on_incline", options, gravity=gravity
+    )
 
 
 def _measure_slide(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -87,7 +89,7 @@ def _stack() -> Description:
     cubes = tuple(Body(True, 0.25, mass, (0.0, 0.0, 0.25 + 0.5 * k)) for k, mass in enumerate((1.0, 10.0, 100.0)))
     errors = ("penetration [mm]", "drift [mm]", "last speed [mm/s]", "energy gained [m g L]")
     options = {"n_boxes": len(cubes), "ratio": 100.0, "heavy_on_top": True}
-    return _of_cubes("stack", cubes, 0.7, 2.0, errors, _measure_stack, "box_stack", options)
+    return _cube_scene("stack", cubes, 0.7, 2.0, errors, _measure_stack, "box_stack", options)
 
 
 def _measure_stack(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -101,7 +103,7 @@ def _measure_stack(scene: Description, motion: Motion) -> tuple[float, ...]:
 
 def _pile() -> Description:
     errors = ("overlap [r]", "last energy [m g r]", "energy gained [m g r]")
-    return _of_balls("pile", 100, 0.0, 1.5, errors, _measure_pile)
+    return _ball_scene("pile", 100, 0.0, 1.5, errors, _measure_pile)
 
 
 def _measure_pile(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -114,7 +116,7 @@ def _measure_pile(scene: Description, motion: Motion) -> tuple[float, ...]:
 def pour(balls: int) -> Description:
     """Return the scene ``funnel`` with a number of balls."""
     errors = ("overlap [r]", "energy gained [m g r]", "balls through")
-    return _of_balls("funnel", balls, 4.5, 0.6, errors, _measure_funnel)
+    return _ball_scene("funnel", balls, 4.5, 0.6, errors, _measure_funnel)
 
 
 def _measure_funnel(scene: Description, motion: Motion) -> tuple[float, ...]:
@@ -123,7 +125,7 @@ def _measure_funnel(scene: Description, motion: Motion) -> tuple[float, ...]:
     return overlap, scene.energy_gained(motion), float(np.count_nonzero(motion.positions[-1, :, 2] < 0.0))
 
 
-def _of_cubes(
+def _cube_scene(
     name: str,
     cubes: tuple[Body, ...],
     friction: float,
@@ -141,7 +143,7 @@ def _of_cubes(
     return Description(name, cubes, friction, duration, 2e-3, 0.02, edge, errors, 0.01, measure, *own, gravity=gravity)
 
 
-def _of_balls(
+def _ball_scene(
     name: str,
     count: int,
     outlet: float,

@@ -85,10 +85,10 @@ class JointTable(NamedTuple):
         n = len(rows)
         kind, bodies, *others = zip(*rows, strict=True) if rows else [()] * len(cls._fields)
         shapes = (n, 2, 3), (n, 3), (n, 3), (n, 3), (n,), (n,), (n,)
-        numbers = [
+        columns = [
             np.array(given, dtype=np.float64).reshape(shape) for given, shape in zip(others, shapes, strict=True)
         ]
-        return cls(np.array(kind, dtype=np.int64), np.array(bodies, dtype=np.int64).reshape(n, 2), *numbers)
+        return cls(np.array(kind, dtype=np.int64), np.array(bodies, dtype=np.int64).reshape(n, 2), *columns)
 
     def at(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return values, and their derivatives with respect to (v, ω) of each body.

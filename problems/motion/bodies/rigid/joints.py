@@ -322,9 +322,9 @@ class RigidJoints:
         keys = np.array([key for key, joint_rows in enumerate(rows) if joint_rows], dtype=np.int64)
         counts = np.array([len(joint_rows) for joint_rows in rows if joint_rows], dtype=np.int64)
         law_rows = [row for joint_rows in rows for row in joint_rows]
-        numbers = np.array([row[2:] for row in law_rows], dtype=np.float64).reshape(-1, 3).T.copy()
+        bounds = np.array([row[2:] for row in law_rows], dtype=np.float64).reshape(-1, 3).T.copy()
         kinds = np.array([row.kind for row in law_rows], dtype=np.int64)
-        return JointTable.of([row.row for row in law_rows]), _ActiveRows(keys, counts, kinds, *numbers)
+        return JointTable.of([row.row for row in law_rows]), _ActiveRows(keys, counts, kinds, *bounds)
 
     def _active_rows(self, joint: Joint) -> "list[_LawRow]":
         """Return the rows of a joint that are active at all times."""

@@ -106,8 +106,8 @@ def free_spins(
         ω_F in body axes [rad/s], shape (n, 3).
     """
     impulses = np.zeros_like(spins) if impulses is None else np.ascontiguousarray(impulses)
-    free: FloatArray = _free_spins(spins, inertias, seconds, impulses)
-    return free
+    free_spins: FloatArray = _free_spins(spins, inertias, seconds, impulses)
+    return free_spins
 
 
 @njit(cache=True)

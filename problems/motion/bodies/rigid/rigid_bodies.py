@@ -260,8 +260,8 @@ class RigidBodies:
     def _joined_pairs(self) -> IntArray:
         """Numbers i · n + j, as in ``near_bodies``, of the joined pairs, which have no contacts."""
         pairs = np.zeros((0, 2), dtype=np.int64) if self.joints is None else self.joints.pairs
-        numbers: IntArray = np.unique(pairs @ [len(self._all_shapes), 1])
-        return numbers
+        pair_keys: IntArray = np.unique(pairs @ [len(self._all_shapes), 1])
+        return pair_keys
 
     def poses(self, position: FloatArray) -> FloatArray:
         """Return (x [m], quaternion) of each body, shape (n, 7), of a position vector q, shape (7 n,)."""

@@ -77,8 +77,10 @@ class CardHouse(PrismScene):
     def leaning(self) -> FloatArray:
         """Return the corners (x, z) [m] of the left card of a pair that meets at x = 0 on z = 0, shape (5, 2)."""
         left, meeting = -0.5 * self.foot, self.length * cos(self.lean)
-        head = -0.5 * self.base
-        return np.array([[left - self.base, 0.0], [left, 0.0], [0.0, meeting], [0.0, self.height], [head, self.height]])
+        top_x = -0.5 * self.base
+        return np.array(
+            [[left - self.base, 0.0], [left, 0.0], [0.0, meeting], [0.0, self.height], [top_x, self.height]]
+        )
 
     def sections(self) -> Sequence[FloatArray]:
         """Return the corners (x, z) of each card [m]: leaning cards, shape (5, 2), then level cards, shape (4, 2)."""

@@ -314,19 +314,19 @@ class Hopper(BoxContainer):
     def system(self) -> RigidBodies:
         """Return the boxes, the wedge, the walls above it, and the end walls."""
         half, height, thickness = 0.5 * self.outlet * self.edge, self.height, 2.0 * self.edge
-        fixed = []
+        fixed_bodies = []
         for side in (-1.0, 1.0):
             along = np.array([side, 0.0, 1.0]) / sqrt(2.0)
             outward = np.array([side, 0.0, -1.0]) / sqrt(2.0)
             centre = np.array([side * half, 0.0, 0.0]) + 0.5 * sqrt(2.0) * height * along + 0.5 * thickness * outward
             plate = Box((sqrt(2.0) * height, self.width, thickness))
-            fixed.append(FixedBody(plate, tuple(centre.tolist()), tuple(about(Y_AXIS, -0.25 * side * pi))))
+            fixed_bodies.append(FixedBody(plate, tuple(centre.tolist()), tuple(about(Y_AXIS, -0.25 * side * pi))))
             wall_orientation = tuple(about(Y_AXIS, -0.5 * side * pi))
-            fixed.append(FixedBody(HalfSpace(), (side * (half + height), 0.0, 0.0), wall_orientation))
-        fixed += end_walls(self.width)
+            fixed_bodies.append(FixedBody(HalfSpace(), (side * (half + height), 0.0, 0.0), wall_orientation))
+        fixed_bodies += end_walls(self.width)
         masses = np.full(self.n_boxes, self.density * self.box.volume)
         effects: list[BodyEffect] = [Gravity(self.gravity), self.box_friction(4, n_fixed=6)]
-        return rigid_bodies([self.box] * self.n_boxes, masses, fixed, effects)
+        return rigid_bodies([self.box] * self.n_boxes, masses, fixed_bodies, effects)
 
     def start(self) -> State:
         """Return the boxes at rest above the outlet.

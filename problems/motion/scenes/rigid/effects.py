@@ -58,7 +58,7 @@ class GyroscopicMoment:
 
 
 def rigid_bodies(
-    shapes: Sequence[Shape], masses: FloatArray, fixed: Sequence[FixedBody], effects: Sequence[BodyEffect]
+    shapes: Sequence[Shape], masses: FloatArray, fixed_bodies: Sequence[FixedBody], effects: Sequence[BodyEffect]
 ) -> RigidBodies:
     """Return a system of homogeneous bodies with ``masses`` [kg], shape (n,), fixed bodies, and ``effects``.
 
@@ -66,7 +66,7 @@ def rigid_bodies(
         ProblemError: if an effect is listed twice, or a number is out of range.
     """
     check_distinct(effects)
-    system = RigidBodies(shapes, masses, fixed)
+    system = RigidBodies(shapes, masses, fixed_bodies)
     for effect in effects:
         system = effect.added_to(system)
     return system

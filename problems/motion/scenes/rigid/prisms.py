@@ -51,9 +51,9 @@ class PrismScene(ABC):
     @property
     def observables(self) -> Sequence[Observable]:
         """The largest displacement of a centre from the start."""
-        return (Observable("moved", self.moved, label="largest displacement [m]", head="moved"),)
+        return (Observable("moved", self.largest_displacement, label="largest displacement [m]", head="moved"),)
 
-    def moved(self, state: State) -> float:
+    def largest_displacement(self, state: State) -> float:
         """Return the largest displacement of a centre from the start [m]."""
         change = (state.position - self.start().position).reshape(-1, 7)[:, :3]
         return float(np.linalg.norm(change, axis=1).max())

@@ -42,7 +42,7 @@ class BrickWall:
         overlap: initial depth of each contact [m].
 
     Raises:
-        ProblemError: if there is no brick, a number is not positive, or the overlap is out of range.
+        ProblemError: if a number is out of range, or the ball would touch the ground.
     """
 
     rows: int = 5
@@ -107,7 +107,7 @@ class BrickWall:
             twists[-1, 1] = self.speed
         return State(0.0, upright_poses(centres).ravel(), twists.ravel())
 
-    def moved(self, state: State) -> float:
+    def largest_displacement(self, state: State) -> float:
         """Return the largest displacement of a brick from the start [m]."""
         n_bricks = len(list(self._bricks()))
         change: FloatArray = (state.position - self.start().position).reshape(-1, 7)[:n_bricks, :3]
@@ -116,4 +116,4 @@ class BrickWall:
     @property
     def observables(self) -> Sequence[Observable]:
         """The largest displacement of a brick."""
-        return (Observable("moved", self.moved, label="largest displacement [m]", head="moved"),)
+        return (Observable("moved", self.largest_displacement, label="largest displacement [m]", head="moved"),)

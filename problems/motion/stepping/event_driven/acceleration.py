@@ -54,14 +54,14 @@ class Constraints:
     Attributes:
         rows: the rows of W with an unknown force: N of closed contacts, T of those that stick, shape (m,).
         matrix: A [1/kg], shape (m, m).
-        free: b [m/s²], the accelerations without contact forces, shape (m,).
+        free_acceleration: b [m/s²], the accelerations without contact forces, shape (m,).
         free_motion: M⁻¹ h, in the units of u̇, shape (n_dofs,).
         responses: u̇ for a unit of each unknown force, shape (n_dofs, m).
     """
 
     rows: IntArray
     matrix: FloatArray
-    free: FloatArray
+    free_acceleration: FloatArray
     free_motion: FloatArray
     responses: FloatArray
 
@@ -94,10 +94,12 @@ class AccelerationLaws:
         right_sides = np.column_stack([self.system.force(position, velocity), force_directions])
         accelerations: FloatArray = np.linalg.solve(mass, right_sides).astype(np.float64)
         transposed = directions[:, rows].T
-        free = transposed @ accelerations[:, 0]
+        free_acceleration = transposed @ accelerations[:, 0]
         if self.system.direction_rates is not None:
-            free += self.system.direction_rates(position, velocity)[rows]
-        return Constraints(rows, transposed @ accelerations[:, 1:], free, accelerations[:, 0], accelerations[:, 1:])
+            free_acceleration += self.system.direction_rates(position, velocity)[rows]
+        return Constraints(
+            rows, transposed @ accelerations[:, 1:], free_acceleration, accelerations[:, 0], accelerations[:, 1:]
+        )
 
     def motion(self, position: FloatArray, velocity: FloatArray, modes: Modes) -> tuple[FloatArray, FloatArray]:
         """Return u̇ and the forces λ [N], shape (n_contacts, width), that keep the constraints of ``modes``."""
@@ -105,7 +107,7 @@ class AccelerationLaws:
         forces = np.zeros((len(modes.closed), self.width))
         if not len(equations.rows):
             return equations.free_motion, forces
-        solution = np.linalg.lstsq(equations.matrix, -equations.free, rcond=SINGULAR)
+        solution = np.linalg.lstsq(equations.matrix, -equations.free_acceleration, rcond=SINGULAR)
         unknown: FloatArray = solution[0].astype(np.float64)
         forces.flat[equations.rows] = unknown
         if self.width == 2:
@@ -127,7 +129,9 @@ class AccelerationLaws:
         kind = np.where(is_friction, LawKind.PLANAR_FRICTION, LawKind.UNILATERAL)
         partner = np.where(is_friction, np.arange(len(normal)) - 1, -1)
         laws = Laws.in_order(kind, coefficient, np.zeros(len(normal)), partner)
-        return ContactProblem.from_delassus(equations.matrix, equations.free, laws=laws, allow_asymmetric=True)
+        return ContactProblem.from_delassus(
+            equations.matrix, equations.free_acceleration, laws=laws, allow_asymmetric=True
+        )
 
 
 def _rows(modes: Modes, width: int) -> tuple[IntArray, IntArray]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from proxbench.bench import compare
 from proxbench.bench.report.comparison.comparison import Comparison
-from proxbench.bench.report.comparison.page import document, markdown_page
+from proxbench.bench.report.comparison.page import comparison_document, markdown_page
 from simulated_runs import simulated_cases, store_run
 
 NAME = "<b>|A</b>"
@@ -34,7 +34,7 @@ def test_markdown_begins_with_the_verdict_and_has_all_cases(comparison: Comparis
 
 
 def test_json_has_the_frames(comparison: Comparison) -> None:
-    shown = json.loads(json.dumps(document(comparison, [])))
+    shown = json.loads(json.dumps(comparison_document(comparison, [])))
     assert shown["verdict"] == comparison.verdict
     assert {len(shown["solvers"]), len(comparison.solvers)} == {4}
     assert shown["scale"] == comparison.scale

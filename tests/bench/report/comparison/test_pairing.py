@@ -23,11 +23,11 @@ def test_times_of_another_machine_are_not_compared_but_what_is_solved_is(tmp_pat
     crashed = {"outcome": Outcome.CRASHED, "points": []}
     worse = [msgspec.structs.replace(case, **(crashed if case.solver == "C" else {})) for case in slower]
     found = compare(before, store_run(tmp_path / "after", worse, msgspec.structs.replace(MACHINE, processor="Q")))
-    assert found.obstacle == "the machines differ: processor P, now Q"
+    assert found.incomparable_reason == "the machines differ: processor P, now Q"
     assert found.points.empty
     assert not found.slower()
     assert set(found.changed("unsolved")["solver"]) == {"C"}
-    assert any(note.endswith("before alone: B") for note in found.notes)
+    assert any(note.startswith("solvers only in ") and note.endswith("before: B") for note in found.notes)
     assert found.failures(["time>10%", "solved<"])[0].startswith("time>10% cannot be decided: the machines differ")
 
 
@@ -79,7 +79,7 @@ def test_different_library_versions_are_noted_and_do_not_prevent_the_comparison(
     machine = msgspec.structs.replace(MACHINE, versions={"numpy": "3"})
     found = compare(before, store_run(tmp_path / "after", simulated_cases(1), machine))
     assert "not the same: numpy 2, now 3" in found.notes
-    assert not found.obstacle
+    assert not found.incomparable_reason
 
 
 def with_rounds(folder: Path, **changes: object) -> Path:
@@ -102,13 +102,13 @@ def test_under_load_there_is_no_verdict(tmp_path: Path, before: Path) -> None:
     }
     for sentence, after in found.items():
         there, back = compare(before, after), compare(after, before)
-        assert sentence in there.obstacle
+        assert sentence in there.incomparable_reason
         for comparison in (there, back):
-            assert sentence.split()[0] in comparison.obstacle
+            assert sentence.split()[0] in comparison.incomparable_reason
             assert comparison.verdict.startswith("cannot tell which solvers are slower or faster: ")
             assert not comparison.slower()
             assert comparison.failures("time>10%")
-    assert not compare(before, with_rounds(tmp_path / "same", probe_seconds=1.04e-4)).obstacle
+    assert not compare(before, with_rounds(tmp_path / "same", probe_seconds=1.04e-4)).incomparable_reason
 
 
 def test_runs_without_anything_in_common_are_refused(tmp_path: Path, before: Path) -> None:
@@ -143,4 +143,4 @@ def test_runs_without_any_reached_accuracy_can_be_compared(tmp_path: Path) -> No
 def test_load_is_no_obstacle_where_a_run_has_no_rounds_to_compare(tmp_path: Path) -> None:
     busy = Session(started="2026-01-01", core=1, busy_cores=[3.0, 3.0], machine=MACHINE)
     runs = [store_run(tmp_path / name, [case_record()], sessions=[busy]) for name in ("before", "after")]
-    assert compare(*runs).obstacle == ""
+    assert compare(*runs).incomparable_reason == ""

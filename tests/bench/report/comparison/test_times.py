@@ -143,7 +143,7 @@ def test_times_of_sessions_on_other_machines_are_not_compared(tmp_path: Path) ->
     session = Session(started="2026-01-01", machine=elsewhere)
     before = store_run(tmp_path / "before", simulated_cases(0))
     after = store_run(tmp_path / "after", simulated_cases(1), sessions=[session])
-    assert "the machines differ: processor P, now Q" in compare(before, after).obstacle
+    assert "the machines differ: processor P, now Q" in compare(before, after).incomparable_reason
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from proxbench.bench.simulation.run import simulate
 from proxbench.bench.simulation.step_row import step_columns
 from proxbench.bench.simulation.trajectory import Simulation
 from proxbench.bench.simulation.view.live import LiveSummary
-from proxbench.bench.simulation.view.table import document, print_simulation, summary, windows
+from proxbench.bench.simulation.view.table import print_simulation, simulation_document, summary, windows
 from rich.console import Console
 
 Pour = Callable[..., SimulationPlan]
@@ -94,7 +94,7 @@ def test_a_residual_that_is_not_finite_counts_as_unsolved_and_stays_json() -> No
     simulation = made(np.array([0.1, 0.2]), residual=[np.inf, np.nan])
     assert simulation.unsolved.tolist() == [True, True]
     assert "2 of 2 steps are not solved" in printed(simulation)
-    json.dumps(document(simulation), allow_nan=False)
+    json.dumps(simulation_document(simulation), allow_nan=False)
 
 
 def test_overlaps_that_the_projection_leaves_are_counted_with_the_largest() -> None:

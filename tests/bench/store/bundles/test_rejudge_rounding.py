@@ -35,7 +35,7 @@ def bundle_that_says(judged: np.ndarray, sent: np.ndarray, problem: ContactProbl
         [timed_round(0, 1.0)],
         residual=verdict.residual,
         model_residual=verdict.residual,
-        verdict=verdict.numbers(),
+        verdict=verdict.numeric_fields(),
         impulses=[replace(Impulses.of(judged, verdict, verdict), packed=Impulses.of(sent, verdict, verdict).packed)],
     )
     point = Point(tolerance=1e-6, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
@@ -95,13 +95,13 @@ def test_the_verdict_of_a_relaxed_answer_is_that_under_coulombs_law() -> None:
         [timed_round(0, 1.0)],
         residual=coulomb.residual,
         model_residual=own.residual,
-        verdict=coulomb.numbers(),
+        verdict=coulomb.numeric_fields(),
         impulses=[Impulses.of(impulses, own, coulomb)],
     )
     point = Point(tolerance=1e-6, outcome=Outcome.RELAXED, status="solved", reason="", measured=measured)
     case = case_record(problem="stuck", digest=problem.digest, model="convex", points=[point])
     assert rejudge_bundle(Bundle(Path("run.bundle"), RUN, [case], {"stuck": problem})).disagreements == []
-    own_verdict = replace(point, measured=replace(measured, verdict=own.numbers()))
+    own_verdict = replace(point, measured=replace(measured, verdict=own.numeric_fields()))
     told = Bundle(Path("run.bundle"), RUN, [replace(case, points=[own_verdict])], {"stuck": problem})
     assert len(rejudge_bundle(told).disagreements) == 1
 

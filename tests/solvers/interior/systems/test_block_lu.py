@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from proxbench.solvers.interior.systems.block_lu import BlockLU
-from proxbench.solvers.interior.systems.elimination import elimination
+from proxbench.solvers.interior.systems.elimination import find_elimination
 
 
 def grid(side: int) -> sp.csr_array:
@@ -86,18 +86,18 @@ def test_a_singular_matrix_has_no_factors() -> None:
 
 def test_every_block_is_eliminated_once_and_children_come_before_their_parents() -> None:
     pattern = grid(12)
-    found = elimination(pattern.indptr, pattern.indices)
+    found = find_elimination(pattern.indptr, pattern.indices)
     assert sorted(found.order) == list(range(144))
     assert sorted(found.entries) == list(range(pattern.nnz))
-    for node in range(len(found.nodes) - 1):
+    for node in range(len(found.node_starts) - 1):
         children = found.children[found.child_starts[node] : found.child_starts[node + 1]]
         assert (children < node).all()
 
 
 def test_divided_supernodes_take_less_work_and_have_the_same_solution() -> None:
     pattern = grid(60)
-    whole, divided = (elimination(pattern.indptr, pattern.indices, most) for most in (3600, 40))
-    assert np.diff(whole.nodes).max() > 40 == np.diff(divided.nodes).max()
+    whole, divided = (find_elimination(pattern.indptr, pattern.indices, most) for most in (3600, 40))
+    assert np.diff(whole.node_starts).max() > 40 == np.diff(divided.node_starts).max()
     assert divided.multiplications < whole.multiplications
     rng = np.random.default_rng(0)
     blocks, right = rng.normal(size=(pattern.nnz, 1, 1)), rng.normal(size=3600)
@@ -110,5 +110,5 @@ def test_divided_supernodes_take_less_work_and_have_the_same_solution() -> None:
 
 def test_work_on_a_grid_grows_more_slowly_than_that_of_a_band() -> None:
     """A band over k² rows takes about k⁴ operations, 16 times as many at twice the side; the least factor is 8."""
-    work = [elimination(grid(side).indptr, grid(side).indices, side**2).multiplications for side in (20, 40)]
+    work = [find_elimination(grid(side).indptr, grid(side).indices, side**2).multiplications for side in (20, 40)]
     assert 8.0 <= work[1] / work[0] < 12.0

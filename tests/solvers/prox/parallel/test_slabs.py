@@ -25,7 +25,7 @@ def neighbouring(seed: int, n_contacts: int, n_bodies: int, reach: int) -> np.nd
 
 
 def slab_of_contacts(slabs: Slabs) -> np.ndarray:
-    return np.searchsorted(slabs.first_batch, slabs.places // LANES, side="right") - 1
+    return np.searchsorted(slabs.first_batch, slabs.positions // LANES, side="right") - 1
 
 
 def bodies_by_colour(slabs: Slabs, pairs: np.ndarray, n_bodies: int) -> list[list[set[int]]]:
@@ -59,9 +59,9 @@ def test_each_contact_has_its_own_lane_and_contacts_of_a_batch_share_no_body(
 ) -> None:
     pairs = neighbouring(seed, n_contacts, n_bodies, reach)
     slabs = divide_into_slabs(graph(pairs, n_bodies))
-    assert len(set(slabs.places.tolist())) == n_contacts
+    assert len(set(slabs.positions.tolist())) == n_contacts
     for batch in range(slabs.n_batches):
-        moved = [body for body in pairs[slabs.places // LANES == batch].ravel().tolist() if body != n_bodies]
+        moved = [body for body in pairs[slabs.positions // LANES == batch].ravel().tolist() if body != n_bodies]
         assert len(set(moved)) == len(moved)
 
 

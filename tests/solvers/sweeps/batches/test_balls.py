@@ -19,7 +19,7 @@ from proxbench.solvers.sweeps.batches.balls import BallIterates, BallSweep
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
 
-def heap(seed: int, n_balls: int = 150, spin_share: float = 2.5) -> ContactProblem:
+def heap(seed: int, n_balls: int = 150, spin_ratio: float = 2.5) -> ContactProblem:
     """Balls of different sizes and masses, with contacts in any directions and different friction."""
     rng = np.random.default_rng(seed)
     n_contacts, radii, masses = 2 * n_balls, rng.uniform(0.5, 2.0, n_balls), rng.uniform(0.5, 2.0, n_balls)
@@ -27,7 +27,7 @@ def heap(seed: int, n_balls: int = 150, spin_share: float = 2.5) -> ContactProbl
     chunks[rng.random(n_contacts) < 0.2, 1] = n_balls
     normals = rng.normal(size=(n_contacts, 3))
     contacts = BallContacts(chunks.ravel(), normals / np.linalg.norm(normals, axis=1)[:, None], radii)
-    linear, angular = 1.0 / masses, spin_share / (masses * radii**2)
+    linear, angular = 1.0 / masses, spin_ratio / (masses * radii**2)
     inverse = InverseMass.create(np.column_stack([*[linear] * 3, *[angular] * 3]).ravel())
     laws = Laws.contacts(rng.uniform(0.0, 1.0, n_contacts), 3, n_contacts)
     return ContactProblem(rng.normal(size=3 * n_contacts), laws, factors=Factors(contacts, inverse))

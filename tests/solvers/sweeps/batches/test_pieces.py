@@ -21,9 +21,9 @@ def test_batches_keep_the_order_of_contacts_that_share_a_body(seed: int, n_block
     bodies = np.array([rng.choice(n_chunks, 2, replace=False) for _ in range(n_blocks)], dtype=np.int64).reshape(-1, 2)
     bodies[rng.random(n_blocks) < 0.3, 1] = n_chunks
     pieces = Pieces(2 * np.arange(n_blocks + 1), bodies.ravel(), np.zeros((2 * n_blocks, 3, 6)), n_chunks)
-    places, n_batches = assign_batches(pieces)
-    assert len(set(places.tolist())) == n_blocks
-    batch = places // LANES
+    positions, n_batches = assign_batches(pieces)
+    assert len(set(positions.tolist())) == n_blocks
+    batch = positions // LANES
     assert n_batches == (batch.max() + 1 if n_blocks else 0)
     for later in range(n_blocks):
         shares = np.isin(bodies[:later], [body for body in bodies[later] if body != n_chunks]).any(axis=1)

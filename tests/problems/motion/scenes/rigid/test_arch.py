@@ -164,7 +164,7 @@ def largest_displacement(arch: Arch, time_step: float, tolerance: float, solver:
     rule = MidpointRule(arch.system(), create(solver), Stop(tolerance, 20_000), time_step)
     moved = 0.0
     for step in rule.steps(arch.start(), round(1.0 / time_step)):
-        moved = arch.moved(step.state)
+        moved = arch.largest_displacement(step.state)
         if moved > 1e-3:
             break
     return moved
