@@ -13,7 +13,7 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from importlib import metadata
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 from ...errors import PluginError, first_line, raised_at
 from .files import Kind, PluginFile, make_importable
@@ -146,7 +146,7 @@ def _from_packages(kind: Kind) -> Iterator[Offer]:
 @lru_cache(maxsize=1)
 def _entry_points(folders: tuple[tuple[str, int], ...]) -> metadata.EntryPoints:
     """Return the entry points of all installed packages, which are searched again after a folder has changed."""
-    return metadata.entry_points()
+    return cast("metadata.EntryPoints", metadata.entry_points())  # a selectable group before Python 3.12
 
 
 def _change_time(folder: str) -> int:
