@@ -42,8 +42,14 @@ from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 from ..bodies.system import JointErrors, Overlaps, System
 
-MAX_PASSES = 3
+MAX_PASSES = 20
 """Largest number of passes at the end of a step; the next step corrects remaining penetrations."""
+
+MAX_FAILED_PASSES = 4
+"""Number of successive passes after which a projection ends if none of them has reduced the largest penetration."""
+
+MAX_JOINT_PASSES = 3
+"""Largest number of passes with joints, whose residuals converge quadratically."""
 
 MAX_SWEEPS = 100
 """Largest number of sweeps in one pass."""
@@ -99,16 +105,18 @@ def projected(system: System, position: FloatArray, velocity: FloatArray, depth:
     overlaps = system.overlaps(position, tolerated)
     if overlaps is not None and overlaps.joints is not None:
         return _close_joints(system, position, velocity, overlaps, depth)
-    shallowest = Projection(position, velocity, np.inf)
+    shallowest, n_failed = Projection(position, velocity, np.inf), 0
     for n_passes_left in range(MAX_PASSES, -1, -1):
         if overlaps is None:
             return Projection(position, velocity)
         overlap = -float(overlaps.gap.min())
+        n_failed += 1
         if overlap < shallowest.overlap:
-            shallowest = Projection(position, velocity, overlap)
-        if n_passes_left:
-            position = system.move(position, _displacement(overlaps, depth), 1.0)
-            overlaps = system.overlaps(position, tolerated)
+            shallowest, n_failed = Projection(position, velocity, overlap), 0
+        if not n_passes_left or n_failed == MAX_FAILED_PASSES:
+            break
+        position = system.move(position, _displacement(overlaps, depth), 1.0)
+        overlaps = system.overlaps(position, tolerated)
     return shallowest
 
 
@@ -117,7 +125,7 @@ def _close_joints(
 ) -> Projection:
     """Return q with closed joints and separated contacts, and u that keeps joints closed; see ``projected``."""
     joints, tolerated = overlaps.joints, (1.0 + ACCURACY) * depth
-    for _ in range(MAX_PASSES):
+    for _ in range(MAX_JOINT_PASSES):
         assert joints is not None
         if joints.are_closed and overlaps.gap.min(initial=0.0) >= -tolerated:
             break
