@@ -180,6 +180,18 @@ def test_the_overlap_of_a_step_is_the_one_that_its_projection_leaves(
     assert step.overlap == (left if left > (1.0 + ACCURACY) * DEPTH else 0.0)
 
 
+@pytest.mark.parametrize("pitch", [1.9, 1.5, 1.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_crowd_of_overlapping_balls_with_room_around_it_is_separated_in_one_step(pitch: float, seed: int) -> None:
+    """Balls that are pushed far meet others, which only the next passes detect."""
+    grid = np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    jitter = np.random.default_rng(seed).uniform(-0.1, 0.1, grid.shape)
+    system = free_balls(3, np.full(len(grid), 0.01))
+    end = projected(system, RADIUS * (pitch * grid + jitter).ravel(), np.zeros(0), DEPTH)
+    assert end.overlap == 0.0
+    assert deepest(system, end.position) <= (1.0 + ACCURACY) * DEPTH
+
+
 @pytest.mark.parametrize(("room", "overlap"), [(0.9, 0.1 * RADIUS), (1.1, 0.0)])
 def test_a_ball_between_walls_overlaps_as_far_as_they_are_too_close(room: float, overlap: float) -> None:
     walls = [Plane((-room * RADIUS, 0.0), (1.0, 0.0)), Plane((room * RADIUS, 0.0), (-1.0, 0.0))]
