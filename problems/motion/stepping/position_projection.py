@@ -42,17 +42,14 @@ from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 from ..bodies.system import JointErrors, Overlaps, System
 
-MAX_PASSES = 20
-"""Largest number of passes at the end of a step; the next step corrects remaining penetrations."""
+MAX_SWEEPS = 500
+"""Largest number of sweeps in all passes at the end of a step; the next step corrects remaining penetrations."""
 
 MAX_FAILED_PASSES = 4
 """Number of successive passes after which a projection ends if none of them has reduced the largest penetration."""
 
 MAX_JOINT_PASSES = 3
 """Largest number of passes with joints, whose residuals converge quadratically."""
-
-MAX_SWEEPS = 100
-"""Largest number of sweeps in one pass."""
 
 ACCURACY = 0.1
 """A projection ends when no contact is deeper than (1 + ``ACCURACY``) times the allowed depth. A pass ends when no
@@ -105,19 +102,18 @@ def projected(system: System, position: FloatArray, velocity: FloatArray, depth:
     overlaps = system.overlaps(position, tolerated)
     if overlaps is not None and overlaps.joints is not None:
         return _close_joints(system, position, velocity, overlaps, depth)
-    shallowest, n_failed = Projection(position, velocity, np.inf), 0
-    for n_passes_left in range(MAX_PASSES, -1, -1):
-        if overlaps is None:
-            return Projection(position, velocity)
+    shallowest, n_failed, n_sweeps = Projection(position, velocity, np.inf), 0, 0
+    while overlaps is not None:
         overlap = -float(overlaps.gap.min())
         n_failed += 1
         if overlap < shallowest.overlap:
             shallowest, n_failed = Projection(position, velocity, overlap), 0
-        if not n_passes_left or n_failed == MAX_FAILED_PASSES:
-            break
-        position = system.move(position, _displacement(overlaps, depth), 1.0)
+        if n_sweeps >= MAX_SWEEPS or n_failed == MAX_FAILED_PASSES:
+            return shallowest
+        displacement, sweeps = _displacement(overlaps, depth, MAX_SWEEPS - n_sweeps)
+        position, n_sweeps = system.move(position, displacement, 1.0), n_sweeps + sweeps
         overlaps = system.overlaps(position, tolerated)
-    return shallowest
+    return Projection(position, velocity)
 
 
 def _close_joints(
@@ -212,7 +208,7 @@ def _transposed_times(data, dofs, starts, vector):  # type: ignore[no-untyped-de
 def _push_apart(matrix, space, depth, pushes):  # type: ignore[no-untyped-def]
     """Solve 0 ≤ space + matrix · pushes ⊥ pushes ≥ 0 by Gauss–Seidel, without contacts that joints hold in place."""
     min_diagonal, previous = REDUNDANCY_TOLERANCE * matrix.max(), pushes.copy()
-    for sweep in range(MAX_SWEEPS):
+    for sweep in range(MAX_SWEEPS // MAX_JOINT_PASSES):
         _continue_change(pushes, previous, sweep)
         violation = 0.0
         for i in range(len(pushes)):
@@ -234,26 +230,31 @@ def _continue_change(values, previous, sweeps):  # type: ignore[no-untyped-def]
         values[k], previous[k] = value + momentum * (value - previous[k]), value
 
 
-def _displacement(overlaps: Overlaps, depth: float) -> FloatArray:
-    """Return δq = S δ, shape (n_dofs,), with M⁻¹ = S Sᵀ, so that sweeps need only the columns of SᵀW_N."""
+def _displacement(overlaps: Overlaps, depth: float, max_sweeps: int) -> tuple[FloatArray, int]:
+    """Return δq = S δ, shape (n_dofs,), with M⁻¹ = S Sᵀ, so that sweeps need only the columns of SᵀW_N.
+
+    The number of sweeps is also returned.
+    """
     normals = overlaps.normals
     assert isinstance(normals, Pieces)
     directions = normals.opposite_normals
     if directions is not None and overlaps.inverse_mass.is_diagonal:
         displacement = np.zeros((normals.n_chunks, normals.length))
         inverse = overlaps.inverse_mass.matrix.data.reshape(displacement.shape)
-        _move_balls_apart(normals.chunks, directions, inverse, overlaps.gap, depth, displacement)
-        return displacement.ravel()
+        contacts = normals.chunks, directions, inverse, overlaps.gap
+        sweeps = _move_balls_apart(*contacts, depth, max_sweeps, displacement)
+        return displacement.ravel(), sweeps
     root = overlaps.inverse_mass.root_blocks(normals.length)
     assert root is not None
     scaled = normals.scaled(root)
     scaled_displacement = np.zeros((scaled.n_chunks + 1) * scaled.length)  # the last chunk is the idle one
-    _move_bodies_apart(scaled.starts, scaled.chunks, scaled.values, overlaps.gap, depth, scaled_displacement)
-    return overlaps.inverse_mass.root_times(scaled_displacement[: -scaled.length])
+    contacts = scaled.starts, scaled.chunks, scaled.values, overlaps.gap
+    sweeps = _move_bodies_apart(*contacts, depth, max_sweeps, scaled_displacement)
+    return overlaps.inverse_mass.root_times(scaled_displacement[: -scaled.length]), sweeps
 
 
 @njit(cache=True)
-def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # type: ignore[no-untyped-def]
+def _move_bodies_apart(starts, chunks, values, gap, depth, max_sweeps, displacement):  # type: ignore[no-untyped-def]
     """Find δ by Gauss–Seidel on the normal lanes; contacts without a push that stay open need one product each."""
     n_contacts, length = len(gap), values.shape[2]
     pushes, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
@@ -262,7 +263,7 @@ def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # typ
             for k in range(length):
                 diagonal[i] += values[p, 0, k] ** 2
     previous_pushes, previous_displacement = pushes.copy(), displacement.copy()
-    for sweep in range(MAX_SWEEPS):
+    for sweep in range(max_sweeps):
         _continue_change(pushes, previous_pushes, sweep)
         _continue_change(displacement, previous_displacement, sweep)
         violation = 0.0
@@ -282,10 +283,11 @@ def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # typ
                     displacement[length * chunks[p] + k] += values[p, 0, k] * change
         if violation <= ACCURACY * depth:
             break
+    return sweep + 1
 
 
 @njit(cache=True, error_model="numpy")
-def _move_balls_apart(chunks, normals, inverse, gap, depth, displacement):  # type: ignore[no-untyped-def]
+def _move_balls_apart(chunks, normals, inverse, gap, depth, max_sweeps, displacement):  # type: ignore[no-untyped-def]
     """Sweep as ``_move_bodies_apart`` does, to find δq of balls.
 
     A push p moves the first ball of a contact by n p/m and the second by −n p/m. A surface counts as a ball of infinite
@@ -303,7 +305,7 @@ def _move_balls_apart(chunks, normals, inverse, gap, depth, displacement):  # ty
         diagonal[c] = inverse_masses[chunks[2 * c]] + inverse_masses[chunks[2 * c + 1]]
     pushes = np.zeros(n_contacts)
     previous_pushes, previous_moves = pushes.copy(), moves.copy()
-    for sweep in range(MAX_SWEEPS):
+    for sweep in range(max_sweeps):
         _continue_change(pushes, previous_pushes, sweep)
         _continue_change(moves.reshape(-1), previous_moves.reshape(-1), sweep)
         violation = 0.0
@@ -324,3 +326,4 @@ def _move_balls_apart(chunks, normals, inverse, gap, depth, displacement):  # ty
         if violation <= ACCURACY * depth:
             break
     displacement[:, :dim] = moves[:n_balls, :dim]
+    return sweep + 1
