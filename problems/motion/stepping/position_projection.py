@@ -248,8 +248,8 @@ def _displacement(overlaps: Overlaps, depth: float, max_sweeps: int) -> tuple[Fl
     assert root is not None
     scaled = normals.scaled(root)
     scaled_displacement = np.zeros((scaled.n_chunks + 1) * scaled.length)  # the last chunk is the idle one
-    contacts = scaled.starts, scaled.chunks, scaled.values, overlaps.gap
-    sweeps = _move_bodies_apart(*contacts, depth, max_sweeps, scaled_displacement)
+    columns = scaled.starts, scaled.chunks, scaled.values
+    sweeps = _move_bodies_apart(*columns, overlaps.gap, depth, max_sweeps, scaled_displacement)
     return overlaps.inverse_mass.root_times(scaled_displacement[: -scaled.length]), sweeps
 
 
