@@ -10,8 +10,8 @@ Another pass at q_E + δq treats contacts that δq closes, and penetrations that
 detected at q_E instead of the midpoint, where bodies that meet in the second half of the step do not yet touch. The
 allowed depth d keeps lasting contacts active.
 
-Gauss–Seidel sweeps solve a pass. Before sweep k + 1, the pushes p and the displacements, which are linear in p,
-continue their last change,
+Gauss–Seidel sweeps solve a pass. For balls, the pushes p and the displacements, which are linear in p, continue their
+last change before sweep k + 1,
 
     p + β_k (p − p_previous),      β_k = k/(k + 4),
 
@@ -42,14 +42,15 @@ from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 from ..bodies.system import JointErrors, Overlaps, System
 
+MAX_PASSES, MAX_BODY_SWEEPS = 3, 50
+"""Largest number of passes at the end of a step, and of sweeps in each, for bodies other than balls; the next step
+corrects remaining penetrations. Problems of the library are generated with these limits and without momentum."""
+
 MAX_SWEEPS = 500
-"""Largest number of sweeps in all passes at the end of a step; the next step corrects remaining penetrations."""
+"""Largest number of sweeps in all passes at the end of a step of balls."""
 
 MAX_FAILED_PASSES = 4
 """Number of successive passes after which a projection ends if none of them has reduced the largest penetration."""
-
-MAX_JOINT_PASSES = 3
-"""Largest number of passes with joints, whose residuals converge quadratically."""
 
 ACCURACY = 0.1
 """A projection ends when no contact is deeper than (1 + ``ACCURACY``) times the allowed depth. A pass ends when no
@@ -102,16 +103,22 @@ def projected(system: System, position: FloatArray, velocity: FloatArray, depth:
     overlaps = system.overlaps(position, tolerated)
     if overlaps is not None and overlaps.joints is not None:
         return _close_joints(system, position, velocity, overlaps, depth)
-    shallowest, n_failed, n_sweeps = Projection(position, velocity, np.inf), 0, 0
+    shallowest, n_passes, n_failed, n_sweeps = Projection(position, velocity, np.inf), 0, 0, 0
     while overlaps is not None:
         overlap = -float(overlaps.gap.min())
         n_failed += 1
         if overlap < shallowest.overlap:
             shallowest, n_failed = Projection(position, velocity, overlap), 0
-        if n_sweeps >= MAX_SWEEPS or n_failed == MAX_FAILED_PASSES:
-            return shallowest
-        displacement, sweeps = _displacement(overlaps, depth, MAX_SWEEPS - n_sweeps)
-        position, n_sweeps = system.move(position, displacement, 1.0), n_sweeps + sweeps
+        if _are_balls(overlaps):
+            if n_sweeps >= MAX_SWEEPS or n_failed == MAX_FAILED_PASSES:
+                return shallowest
+            displacement, sweeps = _displacement_of_balls(overlaps, depth, MAX_SWEEPS - n_sweeps)
+            n_sweeps += sweeps
+        else:
+            if n_passes == MAX_PASSES:
+                return shallowest
+            displacement, n_passes = _displacement_of_bodies(overlaps, depth), n_passes + 1
+        position = system.move(position, displacement, 1.0)
         overlaps = system.overlaps(position, tolerated)
     return Projection(position, velocity)
 
@@ -121,7 +128,7 @@ def _close_joints(
 ) -> Projection:
     """Return q with closed joints and separated contacts, and u that keeps joints closed; see ``projected``."""
     joints, tolerated = overlaps.joints, (1.0 + ACCURACY) * depth
-    for _ in range(MAX_JOINT_PASSES):
+    for _ in range(MAX_PASSES):
         assert joints is not None
         if joints.are_closed and overlaps.gap.min(initial=0.0) >= -tolerated:
             break
@@ -207,21 +214,20 @@ def _transposed_times(data, dofs, starts, vector):  # type: ignore[no-untyped-de
 @njit(cache=True)
 def _push_apart(matrix, space, depth, pushes):  # type: ignore[no-untyped-def]
     """Solve 0 ≤ space + matrix · pushes ⊥ pushes ≥ 0 by Gauss–Seidel, without contacts that joints hold in place."""
-    min_diagonal, previous = REDUNDANCY_TOLERANCE * matrix.max(), pushes.copy()
-    for sweep in range(MAX_SWEEPS // MAX_JOINT_PASSES):
-        _continue_change(pushes, previous, sweep)
-        violation = 0.0
+    min_diagonal = REDUNDANCY_TOLERANCE * matrix.max()
+    for _ in range(MAX_BODY_SWEEPS):
+        deepest = 0.0
         for i in range(len(pushes)):
             if matrix[i, i] <= min_diagonal:
                 continue
             gap = space[i] + matrix[i] @ pushes
-            violation = max(violation, abs(min(gap, matrix[i, i] * pushes[i])))
+            deepest = max(deepest, -gap)
             pushes[i] = max(pushes[i] - gap / matrix[i, i], 0.0)
-        if violation <= ACCURACY * depth:
+        if deepest <= ACCURACY * depth:
             break
 
 
-@njit(cache=True, fastmath=False, error_model="numpy")
+@njit(cache=True)
 def _continue_change(values, previous, sweeps):  # type: ignore[no-untyped-def]
     """Move values by β_k times their change in the last of k sweeps; ``previous`` then holds their last values."""
     momentum = sweeps / (sweeps + DELAY)
@@ -230,60 +236,63 @@ def _continue_change(values, previous, sweeps):  # type: ignore[no-untyped-def]
         values[k], previous[k] = value + momentum * (value - previous[k]), value
 
 
-def _displacement(overlaps: Overlaps, depth: float, max_sweeps: int) -> tuple[FloatArray, int]:
-    """Return δq = S δ, shape (n_dofs,), with M⁻¹ = S Sᵀ, so that sweeps need only the columns of SᵀW_N.
+def _are_balls(overlaps: Overlaps) -> bool:
+    """Return whether each contact has two opposite normals, and M⁻¹ is diagonal."""
+    normals = overlaps.normals
+    return isinstance(normals, Pieces) and normals.opposite_normals is not None and overlaps.inverse_mass.is_diagonal
 
-    The number of sweeps is also returned.
-    """
+
+def _displacement_of_balls(overlaps: Overlaps, depth: float, max_sweeps: int) -> tuple[FloatArray, int]:
+    """Return δq of balls, shape (n_dofs,), and the number of sweeps."""
     normals = overlaps.normals
     assert isinstance(normals, Pieces)
-    directions = normals.opposite_normals
-    if directions is not None and overlaps.inverse_mass.is_diagonal:
-        displacement = np.zeros((normals.n_chunks, normals.length))
-        inverse = overlaps.inverse_mass.matrix.data.reshape(displacement.shape)
-        contacts = normals.chunks, directions, inverse, overlaps.gap
-        sweeps = _move_balls_apart(*contacts, depth, max_sweeps, displacement)
-        return displacement.ravel(), sweeps
+    assert normals.opposite_normals is not None
+    displacement = np.zeros((normals.n_chunks, normals.length))
+    inverse = overlaps.inverse_mass.matrix.data.reshape(displacement.shape)
+    contacts = normals.chunks, normals.opposite_normals, inverse, overlaps.gap
+    sweeps = _move_balls_apart(*contacts, depth, max_sweeps, displacement)
+    return displacement.ravel(), sweeps
+
+
+def _displacement_of_bodies(overlaps: Overlaps, depth: float) -> FloatArray:
+    """Return δq = S δ, shape (n_dofs,), with M⁻¹ = S Sᵀ, so that sweeps need only the columns of SᵀW_N."""
+    normals = overlaps.normals
+    assert isinstance(normals, Pieces)
     root = overlaps.inverse_mass.root_blocks(normals.length)
     assert root is not None
     scaled = normals.scaled(root)
     scaled_displacement = np.zeros((scaled.n_chunks + 1) * scaled.length)  # the last chunk is the idle one
-    columns = scaled.starts, scaled.chunks, scaled.values
-    sweeps = _move_bodies_apart(*columns, overlaps.gap, depth, max_sweeps, scaled_displacement)
-    return overlaps.inverse_mass.root_times(scaled_displacement[: -scaled.length]), sweeps
+    _move_bodies_apart(scaled.starts, scaled.chunks, scaled.values, overlaps.gap, depth, scaled_displacement)
+    return overlaps.inverse_mass.root_times(scaled_displacement[: -scaled.length])
 
 
 @njit(cache=True)
-def _move_bodies_apart(starts, chunks, values, gap, depth, max_sweeps, displacement):  # type: ignore[no-untyped-def]
-    """Find δ by Gauss–Seidel on the normal lanes; contacts without a push that stay open need one product each."""
+def _move_bodies_apart(starts, chunks, values, gap, depth, displacement):  # type: ignore[no-untyped-def]
+    """Find δ by Gauss–Seidel on the normal lanes; contacts without impulse that stay open need one product each."""
     n_contacts, length = len(gap), values.shape[2]
-    pushes, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
+    impulses, diagonal = np.zeros(n_contacts), np.zeros(n_contacts)
     for i in range(n_contacts):
         for p in range(starts[i], starts[i + 1]):
             for k in range(length):
                 diagonal[i] += values[p, 0, k] ** 2
-    previous_pushes, previous_displacement = pushes.copy(), displacement.copy()
-    for sweep in range(max_sweeps):
-        _continue_change(pushes, previous_pushes, sweep)
-        _continue_change(displacement, previous_displacement, sweep)
-        violation = 0.0
+    for _ in range(MAX_BODY_SWEEPS):
+        deepest = 0.0
         for i in range(n_contacts):
             space = gap[i] + depth
             for p in range(starts[i], starts[i + 1]):
                 for k in range(length):
                     space += values[p, 0, k] * displacement[length * chunks[p] + k]
-            if (space >= 0.0 and pushes[i] == 0.0) or diagonal[i] == 0.0:
+            deepest = max(deepest, -space)
+            if (space >= 0.0 and impulses[i] == 0.0) or diagonal[i] == 0.0:
                 continue
-            violation = max(violation, abs(min(space, diagonal[i] * pushes[i])))
-            push = max(pushes[i] - space / diagonal[i], 0.0)
-            change = push - pushes[i]
-            pushes[i] = push
+            impulse = max(impulses[i] - space / diagonal[i], 0.0)
+            change = impulse - impulses[i]
+            impulses[i] = impulse
             for p in range(starts[i], starts[i + 1]):
                 for k in range(length):
                     displacement[length * chunks[p] + k] += values[p, 0, k] * change
-        if violation <= ACCURACY * depth:
+        if deepest <= ACCURACY * depth:
             break
-    return sweep + 1
 
 
 @njit(cache=True, error_model="numpy")

@@ -8,9 +8,7 @@ import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.problems import ProblemError
-from proxbench.problems.contact.matrices.ball_contacts import BallNormals
 from proxbench.problems.contact.matrices.factors import InverseMass
-from proxbench.problems.contact.matrices.pieces import Pieces
 from proxbench.problems.errors import InsufficientMemoryError
 from proxbench.problems.motion.bodies.balls import BallSystem
 from proxbench.problems.motion.bodies.surfaces import Plane, Rim, Segment
@@ -20,13 +18,13 @@ from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.problems.motion.stepping.position_projection import (
     ACCURACY,
-    MAX_SWEEPS,
-    _displacement,
+    _displacement_of_balls,
     _joint_inverse,
     projected,
 )
 from proxbench.problems.motion.stepping.step import StepError
 from proxbench.solvers import Stop, create
+from scipy.optimize import nnls
 
 RADIUS, DEPTH = 0.01, 1e-4
 
@@ -380,17 +378,23 @@ def test_depth_out_of_range_is_refused(depth: float) -> None:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("friction", [None, 0.3])
-def test_balls_move_apart_as_bodies_in_pieces_do(dimension: int, friction: float | None) -> None:
-    """Balls of different masses, some on a plane; with normals in pieces, the general form of the sweeps is used."""
-    rng = np.random.default_rng(8)
+def test_balls_move_to_the_nearest_position_without_overlaps(dimension: int, friction: float | None) -> None:
+    """Balls of different masses, some on a plane: δq = M⁻¹ W p with p ≥ 0, open gaps, and p = 0 where a gap is open.
+
+    Pushes p follow from δq by nonnegative least squares.
+    """
+    rng, depth = np.random.default_rng(8), 1e-9
     plane = [Plane((0.0,) * dimension, (*[0.0] * (dimension - 1), 1.0))]
     system = BallSystem(np.full(60, RADIUS), rng.uniform(0.5, 2.0, 60), plane, dimension, friction=friction)
-    side = 10.0 * RADIUS if dimension == 2 else 5.0 * RADIUS
+    side = 30.0 * RADIUS if dimension == 2 else 8.0 * RADIUS
     overlaps = system.overlaps(rng.uniform(0.5 * RADIUS, side, 60 * dimension), 0.0)
     assert overlaps is not None
-    assert isinstance(overlaps.normals, BallNormals)
-    given = overlaps.normals
-    in_pieces = replace(overlaps, normals=Pieces(given.starts, given.chunks, given.values, given.n_chunks))
-    (found, _), (expected, _) = (_displacement(contacts, DEPTH, MAX_SWEEPS) for contacts in (overlaps, in_pieces))
-    assert np.abs(found).max() > DEPTH
-    assert np.abs(found - expected).max() <= 1e-12 * np.abs(expected).max()
+    displacement, sweeps = _displacement_of_balls(overlaps, depth, 100_000)
+    assert sweeps < 100_000
+    gaps = overlaps.gap + depth + overlaps.normals.transposed_times(displacement)
+    assert gaps.min() >= -ACCURACY * depth
+    root = np.sqrt(overlaps.inverse_mass.matrix.data)[:, None]
+    directions = root * np.column_stack([overlaps.normals.times(unit) for unit in np.eye(len(gaps))])
+    pushes, residual = nnls(directions, displacement / root.ravel())
+    assert residual <= 1e-9 * np.linalg.norm(displacement / root.ravel())
+    assert pushes @ np.maximum(gaps, 0.0) <= 1e-6 * pushes @ np.abs(overlaps.gap)
