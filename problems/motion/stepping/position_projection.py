@@ -227,7 +227,7 @@ def _push_apart(matrix, space, depth, pushes):  # type: ignore[no-untyped-def]
             break
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _continue_change(values, previous, sweeps):  # type: ignore[no-untyped-def]
     """Move values by β_k times their change in the last of k sweeps; ``previous`` then holds their last values."""
     momentum = sweeps / (sweeps + DELAY)
