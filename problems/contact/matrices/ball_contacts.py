@@ -24,7 +24,7 @@ class BallContacts(DeferredPieces):
     """W of contacts with friction between balls in space, or of a ball and a surface.
 
     Attributes:
-        chunks: first and second ball of each contact, ``len(radii)`` for a surface, shape (2 · n_contacts,).
+        chunks: first ball of each contact, and second ball or ``len(radii)`` for a surface, shape (2 · n_contacts,).
         normals: n from the second to the first ball, shape (n_contacts, 3).
         radii: r of all balls [m], shape (n_balls,).
     """
@@ -77,7 +77,7 @@ class BallNormals(DeferredPieces):
     """W_N of contacts between balls, or of a ball and a surface, in space or in the plane.
 
     Attributes:
-        chunks: first and second ball of each contact, ``n_chunks`` for a surface, shape (2 · n_contacts,).
+        chunks: first ball of each contact, and second ball or ``n_chunks`` for a surface, shape (2 · n_contacts,).
         normals: n from the second to the first ball, shape (n_contacts, d).
         n_chunks: number of balls.
         length: degrees of freedom of a ball, translations first.

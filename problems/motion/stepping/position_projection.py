@@ -17,7 +17,7 @@ last change before sweep k + 1,
 
 as in ``solvers.iteration.momentum``. A push then passes through a column of contacts in far fewer sweeps. A pass ends
 when |min(g + d + W_Nᵀ δq, A_ii p)| is small for all contacts, with A = W_Nᵀ M⁻¹ W_N. Then no contact is too deep, and
-none is pushed farther than necessary.
+no ball is pushed farther than necessary. For other bodies, a pass ends when no contact is too deep.
 
 Joints add equations, r + Wᵀ δq = 0 with p of any sign. Their impulses are eliminated exactly, so that contacts are
 moved apart only in directions that the joints permit.
@@ -53,8 +53,8 @@ MAX_FAILED_PASSES = 4
 """Number of successive passes after which a projection ends if none of them has reduced the largest penetration."""
 
 ACCURACY = 0.1
-"""A projection ends when no contact is deeper than (1 + ``ACCURACY``) times the allowed depth. A pass ends when no
-contact is more than ``ACCURACY`` times the allowed depth away from 0 ≤ g + d + W_Nᵀ δq ⊥ p ≥ 0."""
+"""A projection ends when no contact is deeper than (1 + ``ACCURACY``) times the allowed depth. A pass ends when the
+violation of each contact is at most ``ACCURACY`` times the allowed depth."""
 
 DELAY = 4
 """d of the momentum β_k = k/(k + d); see ``docs/decisions/0055-growing-momentum.md``."""
