@@ -158,7 +158,7 @@ def _part_of_layout(laws: Laws) -> BlockLayout | None:
 
 
 @interpretable
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def write_layout(  # type: ignore[no-untyped-def]
     sets, row_count, is_rolling, partner_law, mu, fixed_bound, slot, indices, bounds, is_bilateral
 ):

@@ -14,6 +14,7 @@ from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.compilation.interpretation import count_numbers, interpretable
+from ...problems.compilation.kernel_arrays import copy_entries
 from ...problems.contact.blocks import BlockLayout
 from ...problems.contact.problem import ContactProblem
 from .any_laws import AnyLawArrays, project_into_ball, write_velocity_of_block
@@ -244,13 +245,13 @@ def _sweep_any(  # type: ignore[no-untyped-def]
             k, own = width * i, width * width * np.int64(starts[i])
             write_velocity_of_block(i, 1, width, starts, lanes, values, free_velocity, impulses, xi)
             block_impulses = impulses[k : k + width]
-            old[:] = block_impulses
+            copy_entries(block_impulses, old)
             if lower[i] < 0.0:
                 new = -xi[0] / values[own] if values[own] > 0.0 else block_impulses[0]
                 block_impulses[0] = old[0] + relaxation[i] * (new - old[0])
                 continue
             for row in range(width):
-                block[row] = values[own + width * row : own + width * (row + 1)]
+                copy_entries(values[own + width * row : own + width * (row + 1)], block[row])
             mu, bound = _split_bound(i, k, friction, fixed_bound, partner, impulses)
             if mu_r[i] > 0.0 or a_r[i] > 0.0:
                 solve_rolling(block, xi, sliding, mu, bound, mu_r[i], a_r[i], block_impulses)

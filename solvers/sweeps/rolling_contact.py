@@ -16,6 +16,7 @@ Rolling rows are scaled by the length √(α_N/α_R), so that all rows are veloc
 import numpy as np
 from numba import njit
 
+from ...problems.compilation.kernel_arrays import copy_entries
 from .any_laws import project_into_ball
 
 MAX_STARTS = 4
@@ -77,18 +78,19 @@ def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
     xi, best, trial = np.empty(d), np.empty(d), np.empty(d)
     system = np.empty((d, d + 1))
     _project(sliding, laws, x)
-    best[:] = x
+    copy_entries(x, best)
     best_violation = _violation(g, q, sliding, laws, alpha, x, xi)
     if x[0] <= 0.0 and g[0, 0] > 0.0:
         x[0] = max(-q[0] / g[0, 0], 0.0)
     for attempt in range(MAX_STARTS):
         if attempt > 0:
-            x[:] = best
+            copy_entries(best, x)
             _sweep(SWEEPS, g, q, sliding, laws, alpha, x, xi, trial)
         violation = _violation(g, q, sliding, laws, alpha, x, xi)
         for _ in range(MAX_NEWTON_STEPS):
             if violation < best_violation:
-                best[:], best_violation = x, violation
+                copy_entries(x, best)
+                best_violation = violation
             if best_violation <= ROUNDING * speed:
                 break
             _linearise(g, q, sliding, laws, alpha, x, xi, system)
@@ -102,14 +104,15 @@ def _solve(g, q, sliding, laws, x):  # type: ignore[no-untyped-def]
                 if violation < (1.0 - 1e-4 * fraction) * old_violation or fraction <= MIN_STEP:
                     break
                 fraction *= 0.5
-            x[:] = trial
+            copy_entries(trial, x)
         _project(sliding, laws, x)
         violation = _violation(g, q, sliding, laws, alpha, x, xi)
         if violation < best_violation:
-            best[:], best_violation = x, violation
+            copy_entries(x, best)
+            best_violation = violation
         if best_violation <= ROUNDING * speed:
             break
-    x[:] = best
+    copy_entries(best, x)
     _project(sliding, laws, x)
 
 

@@ -182,11 +182,6 @@ class Factors:
         return int(self.inverse_mass.matrix.shape[0])
 
     @property
-    def has_plain_columns(self) -> bool:
-        """Whether W is given by its columns and M⁻¹ is diagonal."""
-        return self.inverse_mass.is_diagonal and not isinstance(self.directions, Pieces)
-
-    @property
     def n_rows(self) -> int:
         """Number of rows of the problem."""
         directions = self.directions
@@ -220,7 +215,7 @@ class Factors:
             values = directions.data * inverse.root_diagonal[directions.indices]
             return with_entries(directions, values, directions.indices, directions.indptr)
         root = inverse.root.indptr, inverse.root.indices, inverse.root.data
-        entries = _multiply_by_root(*root, directions.indptr, directions.indices, directions.data)
+        entries = multiply_by_root(*root, directions.indptr, directions.indices, directions.data)
         read_only(*entries)
         return with_entries(directions, *entries)
 
@@ -266,13 +261,13 @@ def _read_square(values: Any, name: str) -> sp.csr_array[Any]:
 
 
 def _count_products(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
-    """Return the number of products that ``_multiply_by_root`` sums."""
+    """Return the number of products that ``multiply_by_root`` sums."""
     return int(np.diff(root_indptr)[indices].sum())
 
 
 @partial(interpretable, count=_count_products)
-@njit(cache=True)
-def _multiply_by_root(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
+@njit(cache=True, error_model="numpy")
+def multiply_by_root(root_indptr, root_indices, root_data, indptr, indices, data):  # type: ignore[no-untyped-def]
     """Return entries, ascending rows and starts of the columns of Sᵀ W, for S in CSR and W in CSC."""
     n_dofs, n_columns = len(root_indptr) - 1, len(indptr) - 1
     capacity = 0

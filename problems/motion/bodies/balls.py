@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit, uint64
 
 from ...arrays import FloatArray, IntArray
+from ...compilation.kernel_arrays import copy_entries
 from ...contact.laws import Laws
 from ...contact.matrices.ball_contacts import BallContacts, BallNormals
 from ...contact.matrices.contact_frame import write_frame
@@ -309,7 +310,7 @@ def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-
     keys, chunks = np.empty(capacity, dtype=np.int64), np.empty((capacity, 2), dtype=np.int64)
     gaps, normals = np.empty(capacity), np.zeros((capacity, dim))
     heads = np.zeros(len(ends), dtype=np.int64)
-    heads[1:] = ends[:-1]
+    copy_entries(ends[:-1], heads[1:])
     count, surface_ball = uint64(0), _next_ball(heads, ends, ball, n)
     for k in range(len(near) + 1):
         i = near[k, 0] if k < len(near) else n

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
+from ...compilation.kernel_arrays import copy_entries
 from ..bodies.rigid.polyhedron import DIRECTION_TOLERANCE, MAX_CORNERS, MAX_FACES, Polyhedron
 from ..bodies.rigid.shapes import Box
 from .clipping import clip, dot
@@ -238,7 +239,7 @@ def _write_polyhedron_contacts(  # type: ignore[no-untyped-def]
                 return count
             if distance > best + SLACK * size:
                 best, edge = distance, polyhedra.directions[a]
-                best_axis[:] = axis
+                copy_entries(axis, best_axis)
     if edge >= 0:
         return _write_edge_contact(polyhedra, i, j, corners_i, corners_j, best_axis, best, keys, geometry, count)
     first, second = (corners_i, normals_i), (corners_j, normals_j)

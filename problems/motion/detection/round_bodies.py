@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
+from ...compilation.kernel_arrays import copy_entries
 from .clipping import dot
 from .polyhedra import MAX_CONTACTS, PackedPolyhedra
 
@@ -188,7 +189,7 @@ def _write_ball_contact(keys, geometry, count, feature, x, r_x, y, r_y, fallback
     if distance > 0.0:
         normal /= distance
     else:
-        normal[:] = fallback
+        copy_entries(fallback, normal)
     return write_contact(keys, geometry, count, feature, y + r_y * normal, normal, 1.0, distance - r_x - r_y)
 
 
@@ -245,15 +246,15 @@ def nearest_on_polyhedron(polyhedra, body, point, foot, normal):  # type: ignore
             offset = point - nearest
             if dot(offset, offset) < squared:
                 squared = dot(offset, offset)
-                foot[:] = nearest
+                copy_entries(nearest, foot)
     face_normal = polyhedra.normals[best]
     if highest <= 0.0:
-        foot[:] = point - highest * face_normal
-        normal[:] = face_normal
+        copy_entries(point - highest * face_normal, foot)
+        copy_entries(face_normal, normal)
         return highest
     distance = np.sqrt(squared)
     # above the interior of a face, the distance is the height, and the normal is exact at any height
-    normal[:] = face_normal if distance <= highest * (1.0 + 1e-15) else (point - foot) / distance
+    copy_entries(face_normal if distance <= highest * (1.0 + 1e-15) else (point - foot) / distance, normal)
     return distance
 
 

@@ -46,7 +46,7 @@ MAX_PASSES, MAX_BODY_SWEEPS = 3, 50
 """Largest number of passes at the end of a step, and of sweeps in each, for bodies other than balls; the next step
 corrects remaining penetrations. Problems of the library are generated with these limits and without momentum."""
 
-MAX_SWEEPS = 500
+MAX_SWEEPS = 1000
 """Largest number of sweeps in all passes at the end of a step of balls."""
 
 MAX_FAILED_PASSES = 4

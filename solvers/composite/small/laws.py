@@ -1,83 +1,91 @@
-"""The arguments of kernels for small problems that depend only on the laws, computed once per ``Laws`` object."""
+"""Laws and layout of the contacts of a small problem, computed from the arrays of its laws."""
 
-from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from ....problems.arrays import read_only
-from ....problems.compilation.interpretation import interpretable
+from ....problems.arrays import FloatArray, IntArray
+from ....problems.compilation.kernel_arrays import as_read_only
 from ....problems.contact.blocks import write_layout
-from ....problems.contact.laws import ROWS_OF_KIND, SET_OF_KIND, LawKind, Laws
+from ....problems.contact.laws import ROWS_OF_KIND, SET_OF_KIND, LawKind
 
 _FIRST_ROLLING = int(LawKind.PLANAR_ROLLING)
 
 
-class LawArguments(NamedTuple):
-    """Arguments of kernels that depend on the laws alone.
+class ContactLaws(NamedTuple):
+    """Arrays of ``Laws`` and ``BlockLayout`` for contacts with equal numbers of rows.
 
     Attributes:
-        preparation: arguments of the functions in ``preparation``, after G or its factors and c.
-        sweeps: arguments of the functions in ``sweeps``, after c.
+        sets: the convex set of each law.
+        row_count: number of rows of each law.
+        is_rolling: whether each law is rolling friction.
+        first_row: first row of each law.
+        partner_law: the partner of each law.
+        mu: the friction coefficient of each law.
+        bounds: the fixed part of the friction bound of each law.
+        slot: place of each row in the padded blocks.
+        contact_of_row: the contact of each row.
+        partner: the contact whose normal impulse bounds the friction of each contact.
+        friction: μ of each contact.
+        fixed_bound: the fixed part of the friction bound of each contact.
+        partner_lanes: slot of the normal row of the partner of each contact.
     """
 
-    preparation: tuple[Any, ...]
-    sweeps: tuple[Any, ...]
-
-    @staticmethod
-    def of(laws: Laws) -> "LawArguments | None":
-        """Return the arguments, or None unless the laws form contacts with equal numbers of rows."""
-        law_arrays = laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound
-        are_equal_contacts, *arrays = _lay_out_contacts(*law_arrays)
-        if not are_equal_contacts:
-            return None
-        sets, row_count, is_rolling, slot, contact_of_row, partner, friction, fixed_bound, partner_lanes = arrays
-        read_only(sets, row_count, slot, partner, friction, fixed_bound)
-        first_row = laws.first_row
-        preparation = sets, row_count, is_rolling, first_row, laws.partner, slot, contact_of_row, partner
-        residual = sets, row_count, first_row, laws.friction_coefficient, laws.fixed_bound, laws.partner
-        return LawArguments(preparation, (friction, fixed_bound, partner_lanes, *residual))
+    sets: NDArray[np.int8]
+    row_count: IntArray
+    is_rolling: NDArray[np.bool_]
+    first_row: IntArray
+    partner_law: IntArray
+    mu: FloatArray
+    bounds: FloatArray
+    slot: IntArray
+    contact_of_row: IntArray
+    partner: IntArray
+    friction: FloatArray
+    fixed_bound: FloatArray
+    partner_lanes: NDArray[np.uint64]
 
 
-_ARGUMENTS: WeakKeyDictionary[Laws, LawArguments | None] = WeakKeyDictionary()
+@njit(cache=True, error_model="numpy")
+def lay_out_contacts(kind, partner_law, mu, bounds):  # type: ignore[no-untyped-def]
+    """Return whether the laws form contacts with equal numbers of rows, and their ``ContactLaws``.
 
-
-def law_arguments(laws: Laws) -> LawArguments | None:
-    """Return the arguments for ``laws``; repeated calls return the same object."""
-    arguments = _ARGUMENTS.get(laws)
-    if arguments is None and laws not in _ARGUMENTS:
-        arguments = _ARGUMENTS[laws] = LawArguments.of(laws)
-    return arguments
-
-
-@interpretable
-@njit(cache=True)
-def _lay_out_contacts(kind, partner_law, mu, fixed_bound):  # type: ignore[no-untyped-def]
-    """Return whether the laws form contacts with equal numbers of rows, and the arrays of ``Laws`` and ``BlockLayout``.
-
-    The arrays hold, for each law, its set, its number of rows and whether it is rolling friction; for each row, its
-    slot and its contact; and for each contact, its partner, μ, the fixed bound, and the normal lane of its partner.
+    The arguments are the arrays of ``Laws``. Arrays that ``Laws`` and ``BlockLayout`` protect from writing are
+    read-only here too, so that numba does not compile the kernels that take them a second time.
     """
     n_laws, n_rows = len(kind), 0
     sets, row_count = np.empty(n_laws, dtype=np.int8), np.empty(n_laws, dtype=np.int64)
-    is_rolling = np.empty(n_laws, dtype=np.bool_)
+    is_rolling, first_row = np.empty(n_laws, dtype=np.bool_), np.empty(n_laws, dtype=np.int64)
     for law in range(n_laws):
-        sets[law], row_count[law] = SET_OF_KIND[kind[law]], ROWS_OF_KIND[kind[law]]
+        sets[law], row_count[law], first_row[law] = SET_OF_KIND[kind[law]], ROWS_OF_KIND[kind[law]], n_rows
         is_rolling[law] = kind[law] >= _FIRST_ROLLING
         n_rows += row_count[law]
-    slot, indices, bounds = (
+    slot, indices, block_bounds = (
         np.empty(n_rows, dtype=np.int64),
         np.empty((5, n_laws), dtype=np.int64),
         np.empty((4, n_laws)),
     )
-    is_bilateral = np.empty(n_laws, dtype=np.bool_)
-    laws = (sets, row_count, is_rolling, partner_law, mu, fixed_bound)
-    sliding, width, n_blocks, n_joints = write_layout(*laws, slot, indices, bounds, is_bilateral)
+    arrays = (sets, row_count, is_rolling, partner_law, mu, bounds, slot, indices, block_bounds)
+    sliding, width, n_blocks, n_joints = write_layout(*arrays, np.empty(n_laws, dtype=np.bool_))
     are_equal_contacts = width == 1 + sliding and n_joints == 0 and n_rows == width * n_blocks
     partner, partner_lanes = indices[3, :n_blocks], np.empty(n_blocks, dtype=np.uint64)
     for b in range(n_blocks):
         partner_lanes[b] = width * partner[b]
-    friction, block_fixed_bound = bounds[0, :n_blocks], bounds[1, :n_blocks]
-    arrays = (sets, row_count, is_rolling, slot, slot // width, partner, friction, block_fixed_bound, partner_lanes)
-    return (are_equal_contacts, *arrays)
+    laws = ContactLaws(
+        as_read_only(sets),
+        as_read_only(row_count),
+        is_rolling,
+        as_read_only(first_row),
+        partner_law,
+        mu,
+        bounds,
+        as_read_only(slot),
+        slot // width,
+        as_read_only(partner),
+        as_read_only(block_bounds[0, :n_blocks]),
+        as_read_only(block_bounds[1, :n_blocks]),
+        partner_lanes,
+    )
+    return are_equal_contacts, laws

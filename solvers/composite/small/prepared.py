@@ -15,12 +15,17 @@ from ....problems.arrays import FloatArray, real_numbers
 from ....problems.compilation.interpretation import DeferredKernels
 from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
-from ....problems.contact.residual import MAX_SQUARED, MIN_SQUARED
 from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop, check_stop
 from ...iteration.stopping import MIN_PLATEAU_SWEEPS
-from ..sweep_selection import MAX_SMALL_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS, sweeps_between_checks
-from .laws import law_arguments
-from .preparation import COUPLED, NEEDS_OTHER_SWEEPS, prepare_over_columns, prepare_over_matrix, prepare_over_pieces
+from ..sweep_selection import MAX_SMALL_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS
+from .preparation import (
+    COUPLED,
+    UNSUITABLE,
+    prepare_over_columns,
+    prepare_over_factors,
+    prepare_over_matrix,
+    prepare_over_pieces,
+)
 from .sweeps import sweep_coupled, sweep_uncoupled
 
 SWEEP_SECONDS_PER_NUMBER = 2.5e-9
@@ -36,11 +41,18 @@ COUPLED_MESSAGE, UNCOUPLED_MESSAGE = (
 """Messages of solutions for coupled and for uncoupled contacts, as ``Robust`` reports them."""
 
 _KERNELS = DeferredKernels(
-    (prepare_over_matrix, prepare_over_columns, prepare_over_pieces, sweep_coupled, sweep_uncoupled),
+    (
+        prepare_over_matrix,
+        prepare_over_columns,
+        prepare_over_factors,
+        prepare_over_pieces,
+        sweep_coupled,
+        sweep_uncoupled,
+    ),
     uses_before_loading=300,
     uses_before_compiling=20_000,
 )
-"""The kernels of small problems, which take about 0.1 s to load and 10 s to compile."""
+"""The kernels of small problems, which take about 0.1 s to load and 10 to 25 s to compile."""
 
 
 def longest_seconds(n_rows: int) -> float:
@@ -61,7 +73,7 @@ class PreparedSmall:
         prepare_general: prepares ``Robust`` for problems of any size; called if the kernel does not solve the problem.
     """
 
-    __slots__ = ("_arguments", "_general_prepared", "_kernel", "_message", "_min_sweeps", "_prepare_general", "problem")
+    __slots__ = ("_arguments", "_general_prepared", "_kernel", "_message", "_prepare_general", "problem")
 
     def __init__(
         self,
@@ -73,7 +85,6 @@ class PreparedSmall:
         self.problem, self._arguments = problem, arguments
         self._kernel: Callable[..., tuple[bool, int]] = sweep_coupled if is_coupled else sweep_uncoupled
         self._message = COUPLED_MESSAGE if is_coupled else UNCOUPLED_MESSAGE
-        self._min_sweeps = sweeps_between_checks(problem, SAFEGUARDED_SWEEPS if is_coupled else UNCOUPLED_SWEEPS)
         self._prepare_general = prepare_general
         self._general_prepared: Prepared | None = None
 
@@ -84,7 +95,7 @@ class PreparedSmall:
         impulses = np.zeros(n_rows) if start is None else np.array(real_numbers(start, "start"), dtype=np.float64)
         has_time = stop.max_seconds >= longest_seconds(n_rows)
         if observe is None and has_time and impulses.shape == (n_rows,):
-            limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS), self._min_sweeps
+            limits = stop.tolerance, min(stop.max_iterations, MAX_SWEEPS)
             is_solved, iterations = self._kernel(*self._arguments, *limits, impulses)
             if is_solved:
                 return Solution(impulses, Status.SOLVED, iterations, self._message)
@@ -104,26 +115,27 @@ def prepare_small(
     free_velocity = problem.free_velocity
     if not 0 < len(free_velocity) <= MAX_SMALL_ROWS or not _KERNELS.should_use():
         return None
-    laws = law_arguments(problem.laws)
-    if laws is None:
+    laws = problem.laws
+    arguments = laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound, free_velocity
+    kernel, *matrix = _kernel_and_matrix(problem)
+    coupling, scale, store = kernel(*arguments, *matrix)
+    if coupling == UNSUITABLE:
         return None
-    coupling, stuck, scale, *prepared = _prepare(problem, free_velocity, laws.preparation)
-    if coupling == NEEDS_OTHER_SWEEPS or stuck >= 0 or not MIN_SQUARED <= scale <= MAX_SQUARED:
-        return None
-    return PreparedSmall(problem, coupling == COUPLED, (*prepared, scale, free_velocity, *laws.sweeps), prepare_general)
+    return PreparedSmall(problem, coupling == COUPLED, (*arguments, scale, store), prepare_general)
 
 
-def _prepare(problem: ContactProblem, free_velocity: FloatArray, laws: tuple[Any, ...]) -> Any:
+def _kernel_and_matrix(problem: ContactProblem) -> tuple[Any, ...]:
+    """Return the kernel of ``preparation`` for a problem, and its arguments after c."""
     matrix, factors = problem.matrix, problem.factors
     if matrix is not None:
-        return prepare_over_matrix(matrix.indptr, matrix.indices, matrix.data, free_velocity, *laws)
+        return prepare_over_matrix, matrix.indptr, matrix.indices, matrix.data
     assert factors is not None
-    columns = factors.directions
-    if not isinstance(columns, Pieces):
-        if factors.inverse_mass.is_diagonal:
-            root = factors.inverse_mass.root_diagonal
-        else:
-            root, columns = np.ones(factors.n_dofs), factors.scaled_directions
-        return prepare_over_columns(columns.indptr, columns.indices, columns.data, root, free_velocity, *laws)
-    pieces = problem.factor_pieces()
-    return prepare_over_pieces(pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks, free_velocity, *laws)
+    columns, inverse_mass = factors.directions, factors.inverse_mass
+    if isinstance(columns, Pieces):
+        pieces = problem.factor_pieces()
+        return prepare_over_pieces, pieces.starts, pieces.chunks, pieces.values, pieces.n_chunks
+    entries = columns.indptr, columns.indices, columns.data
+    if inverse_mass.is_diagonal:
+        return prepare_over_columns, *entries, inverse_mass.root_diagonal
+    root = inverse_mass.root
+    return prepare_over_factors, *entries, root.indptr, root.indices, root.data

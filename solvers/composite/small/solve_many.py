@@ -12,19 +12,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....problems.arrays import FloatArray
+from ....problems.arrays import FloatArray, IntArray
 from ....problems.contact.judge import judge
+from ....problems.contact.laws import Laws
 from ....problems.contact.matrices.memory import require_memory
+from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Solution, SolverError, Status, Stop
 from ....problems.exchange.catalog import load
 from ...iteration.cores import thread_requirement, usable_cores
 from ..robust import Robust
 from ..sweep_selection import MAX_SMALL_ROWS
-from .batch import NOT_SOLVED, solve_over_columns, solve_over_matrices
-from .laws import LawArguments, law_arguments
+from .batch import NOT_SOLVED, solve_over_factors, solve_over_matrices
 from .preparation import COUPLED
 from .prepared import COUPLED_MESSAGE, MAX_SWEEPS, UNCOUPLED_MESSAGE, longest_seconds
+
+LAW_ARRAYS = ("kind", "partner", "friction_coefficient", "fixed_bound")
+"""Arrays of ``Laws`` that determine the laws."""
 
 PARTS_PER_THREAD = 4
 """Number of ranges of problems per thread; several, because some ranges take longer than others."""
@@ -47,8 +51,8 @@ def solve_many(
 ) -> SolvedProblems:
     """Solve many problems with ``Robust``, with the same results as separate solves, and judge each solution.
 
-    Problems of up to 150 rows, given by G or by the columns of W with a diagonal M⁻¹, are solved in batches. Other
-    problems, and those that sweeps alone do not solve, are solved one by one in one thread.
+    Problems of up to 150 rows, given by G or by the columns of W, are solved in batches. Other problems, and those that
+    sweeps alone do not solve, are solved one by one in one thread.
 
     Args:
         problems: the contact problems, their names, or the paths of their files.
@@ -125,7 +129,8 @@ class Batch(NamedTuple):
         if threads == 1:
             solve_range((0, n_problems))
         else:
-            parts = np.linspace(0, n_problems, PARTS_PER_THREAD * threads + 1).astype(int).tolist()
+            n_parts = min(n_problems, PARTS_PER_THREAD * threads)
+            parts = np.linspace(0, n_problems, n_parts + 1).astype(int).tolist()
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(solve_range, pairwise(parts)))
         results = zip(self.indices, outcomes.tolist(), iterations.tolist(), residuals.tolist(), strict=True)
@@ -136,32 +141,33 @@ class Batch(NamedTuple):
 
 
 def _batches(problems: Sequence[ContactProblem], max_seconds: float) -> Iterator[Batch]:
-    """Yield a batch of problems given by G and one of those given by W and a diagonal M⁻¹, unless they are empty.
+    """Yield a batch of problems given by G and one of those given by the columns of W, unless they are empty.
 
     They contain the small problems whose sweeps end within ``max_seconds`` [s].
     """
-    over_matrices, over_columns = _Members(), _Members()
+    over_matrices, over_factors = _Members(), _Members()
     for index, problem in enumerate(problems):
         is_small = 0 < problem.n_rows <= MAX_SMALL_ROWS and longest_seconds(problem.n_rows) <= max_seconds
-        laws = law_arguments(problem.laws) if is_small else None
-        if laws is None:
+        if not is_small:
             continue
         if problem.matrix is not None:
-            over_matrices.add(index, problem, laws)
-        elif problem.factors is not None and problem.factors.has_plain_columns:
-            over_columns.add(index, problem, laws)
+            over_matrices.add(index, problem)
+        elif problem.factors is not None and not isinstance(problem.factors.directions, Pieces):
+            over_factors.add(index, problem)
     matrices: list[Any] = [problem.matrix for problem in over_matrices.problems]
-    factors: list[Any] = [problem.factors for problem in over_columns.problems]
+    factors: list[Any] = [problem.factors for problem in over_factors.problems]
     directions, inverse_masses = [pair.directions for pair in factors], [pair.inverse_mass for pair in factors]
-    inverses = [inverse.matrix for inverse in inverse_masses]
-    _require_memory([*over_matrices.problems, *over_columns.problems], [*matrices, *directions, *inverses])
+    inverses, roots = [inverse.matrix for inverse in inverse_masses], [inverse.root for inverse in inverse_masses]
+    joined = [*over_matrices.problems, *over_factors.problems]
+    _require_memory(joined, [*matrices, *directions, *inverses, *roots])
     if matrices:
         yield over_matrices.batch(solve_over_matrices, matrices, ())
     if factors:
-        dofs = np.array([0, *accumulate(len(inverse.data) for inverse in inverses)])
-        roots = _joined([inverse.root_diagonal for inverse in inverse_masses])
-        mass = (dofs, *_joined_matrices(inverses), roots)
-        yield over_columns.batch(solve_over_columns, directions, mass)
+        dofs = np.array([0, *accumulate(inverse.shape[0] for inverse in inverses)])
+        is_diagonal = np.array([inverse.is_diagonal for inverse in inverse_masses])
+        mass = (_first_entries(inverses), *_joined_matrices(inverses), is_diagonal)
+        extra = (dofs, *mass, _first_entries(roots), *_joined_matrices(roots))
+        yield over_factors.batch(solve_over_factors, directions, extra)
 
 
 def _require_memory(problems: Sequence[ContactProblem], matrices: Sequence[Any]) -> None:
@@ -178,14 +184,15 @@ class _Members:
     def __init__(self) -> None:
         self.indices: list[int] = []
         self.problems: list[ContactProblem] = []
-        self._laws: dict[int, LawArguments] = {}
+        self._laws: list[Laws] = []
         self._law_of_problem: list[int] = []
         self._law_numbers: dict[int, int] = {}
 
-    def add(self, index: int, problem: ContactProblem, laws: LawArguments) -> None:
-        """Add a problem with its index among all problems, and its laws."""
-        number = self._law_numbers.setdefault(id(laws), len(self._law_numbers))
-        self._laws[number] = laws
+    def add(self, index: int, problem: ContactProblem) -> None:
+        """Add a problem with its index among all problems."""
+        number = self._law_numbers.setdefault(id(problem.laws), len(self._laws))
+        if number == len(self._laws):
+            self._laws.append(problem.laws)
         self.indices.append(index)
         self.problems.append(problem)
         self._law_of_problem.append(number)
@@ -193,21 +200,15 @@ class _Members:
     def batch(self, kernel: Callable[..., None], matrices: list[Any], extra: tuple[Any, ...]) -> Batch:
         """Return the batch; ``matrices`` give the problems, and the kernel takes the ``extra`` arguments after them."""
         rows = [0, *accumulate(problem.n_rows for problem in self.problems)]
-        entries = np.array([0, *accumulate(len(matrix.data) for matrix in matrices)])
         free_velocity = _joined([problem.free_velocity for problem in self.problems])
-        joined = self._joined_laws(), np.array(self._law_of_problem), np.array(rows), entries
+        joined = self._joined_laws(), np.array(self._law_of_problem), np.array(rows), _first_entries(matrices)
         return Batch(kernel, self.indices, rows, (*joined, *_joined_matrices(matrices), *extra, free_velocity))
 
     def _joined_laws(self) -> tuple[Any, ...]:
         """Return the laws in the form that the kernels of ``batch`` take."""
-        laws = list(self._laws.values())
-        preparation = list(zip(*(arguments.preparation for arguments in laws), strict=True))
-        sets, _, _, _, _, slot, _, partner = preparation  # arrays over laws, rows and contacts
-        starts = [np.array([0, *map(int, accumulate(map(len, arrays)))]) for arrays in (sets, slot, partner)]
-        sweeps = zip(*(arguments.sweeps for arguments in laws), strict=True)
-        friction, fixed_bound, partner_lanes, _, _, _, law_friction, law_fixed_bound, _ = sweeps
-        sweep_arrays = friction, fixed_bound, partner_lanes, law_friction, law_fixed_bound
-        return (*starts, *map(_joined, [*preparation, *sweep_arrays]))
+        starts = np.array([0, *accumulate(len(laws.kind) for laws in self._laws)])
+        arrays = ([getattr(laws, name) for laws in self._laws] for name in LAW_ARRAYS)
+        return (starts, *map(_joined, arrays))
 
 
 def _joined(arrays: Sequence[Any]) -> Any:
@@ -215,6 +216,11 @@ def _joined(arrays: Sequence[Any]) -> Any:
     joined_array = np.concatenate(arrays)
     joined_array.setflags(write=arrays[0].flags.writeable)
     return joined_array
+
+
+def _first_entries(matrices: list[Any]) -> IntArray:
+    """Return the first entry of each matrix among those of all, then the total number of entries."""
+    return np.array([0, *accumulate(len(matrix.data) for matrix in matrices)])
 
 
 def _joined_matrices(matrices: list[Any]) -> tuple[Any, Any, Any]:

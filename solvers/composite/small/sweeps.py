@@ -8,6 +8,7 @@ sweeps gains no digit, the residual grows, iterates may repeat, a limit is reach
 import numpy as np
 from numba import njit
 
+from ....problems.compilation.kernel_arrays import copy_entries
 from ....problems.contact.residual import RESOLUTION, find_largest_diagonal_term, write_squared_violations
 from ...iteration.stopping import (
     CYCLE_PATIENCE,
@@ -25,8 +26,10 @@ from ...sweeps.delassus import (
     write_velocity,
 )
 from ...sweeps.safeguarded import INTERVALS, reduce_opposed_steps
+from ..sweep_selection import ROWS_PER_CHECK
 from ..windows import SHORT_WINDOW
-from .preparation import N_WORK, ROWS_OF_LAW_VALUES
+from .laws import lay_out_contacts
+from .preparation import cut_store
 
 FIRST_INTERVAL, LAST_INTERVAL = INTERVALS[0], len(INTERVALS) - 1
 """Number of sweeps in the first interval of ``SafeguardedSORprox``, and index of its last interval."""
@@ -36,52 +39,39 @@ SOLVED, CONTINUE, UNUSUAL = 1, 0, -1
 
 
 @njit(cache=True, error_model="numpy")
-def cut_store(store, n_values, n_rows, n_blocks, n_laws):  # type: ignore[no-untyped-def]
-    """Return the parts of the array that ``preparation`` fills: blocks, step sizes, diagonal, residual, work space."""
-    step_sizes_end = n_values + 2 * n_blocks
-    diagonal_end = step_sizes_end + n_rows
-    law_values_end = diagonal_end + ROWS_OF_LAW_VALUES * n_laws
-    values, step_sizes, diagonal = store[:n_values], store[n_values:step_sizes_end], store[step_sizes_end:diagonal_end]
-    law_values = store[diagonal_end:law_values_end].reshape(ROWS_OF_LAW_VALUES, n_laws)
-    return values, step_sizes, diagonal, law_values, store[law_values_end:].reshape(N_WORK, n_rows)
+def sweep_coupled(kind, partner_law, mu, bounds, free_velocity, scale, store, tolerance, max_iterations, impulses):  # type: ignore[no-untyped-def]
+    """Sweep coupled contacts, given by the arrays of their laws, c, and the scale and data of ``preparation``.
+
+    Return whether the tolerance was reached, and the number of sweeps.
+    """
+    _, laws = lay_out_contacts(kind, partner_law, mu, bounds)
+    return sweep_coupled_contacts(laws, free_velocity, scale, store, tolerance, max_iterations, impulses)
 
 
 @njit(cache=True, error_model="numpy")
-def sweep_coupled(  # type: ignore[no-untyped-def]
-    starts,
-    lanes,
-    store,
-    scale,
-    free_velocity,
-    friction,
-    fixed_bound,
-    partner,
-    sets,
-    row_count,
-    first_row,
-    mu,
-    bounds,
-    partner_law,
-    tolerance,
-    max_iterations,
-    between_checks,
-    impulses,
-):
+def sweep_uncoupled(kind, partner_law, mu, bounds, free_velocity, scale, store, tolerance, max_iterations, impulses):  # type: ignore[no-untyped-def]
+    """Sweep uncoupled contacts; see ``sweep_coupled``."""
+    _, laws = lay_out_contacts(kind, partner_law, mu, bounds)
+    return sweep_uncoupled_contacts(laws, free_velocity, scale, store, tolerance, max_iterations, impulses)
+
+
+@njit(cache=True, error_model="numpy")
+def sweep_coupled_contacts(laws, free_velocity, scale, store, tolerance, max_iterations, impulses):  # type: ignore[no-untyped-def]
     """Sweep as ``SafeguardedSORprox`` does; return whether the tolerance was reached, and the number of sweeps."""
+    friction, fixed_bound, partner = laws.friction, laws.fixed_bound, laws.partner_lanes
     n_rows, n_blocks = len(free_velocity), len(friction)
-    width = n_rows // n_blocks
-    n_values = len(lanes) * width * width
-    values, step_sizes, diagonal, law_values, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
+    width, between_checks = n_rows // n_blocks, max(1, min(MAX_CHECK_INTERVAL, ROWS_PER_CHECK // n_rows))
+    starts, lanes, values, step_sizes, diagonal, law_values, work = cut_store(store, n_rows, n_blocks, len(laws.sets))
     velocity, second_last, previous, fraction = work[0], work[1], work[2], work[3, :n_blocks]
     scaled_step_sizes = work[4:6].reshape(-1)[: 2 * n_blocks]
     fraction[:] = 1.0
-    scaled_step_sizes[:] = step_sizes
+    copy_entries(step_sizes, scaled_step_sizes)
     since_check, checks_since_reduction, interval = 0, 0, FIRST_INTERVAL
-    progress, iteration = _begin_progress(), np.int64(0)
+    progress, iteration, residual_arrays = _begin_progress(), np.int64(0), residual_laws(laws)
     while True:
         _write_velocity(width, starts, lanes, values, free_velocity, impulses, velocity)
-        laws = (sets, row_count, first_row, mu, bounds, partner_law)
-        state, progress = _check(progress, iteration, tolerance, scale, laws, law_values, diagonal, impulses, velocity)
+        arrays = (residual_arrays, law_values, diagonal, impulses, velocity)
+        state, progress = _check(progress, iteration, tolerance, scale, *arrays)
         if state != CONTINUE or iteration >= max_iterations:
             return state == SOLVED, iteration
         count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
@@ -89,9 +79,9 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
         while count > 0:
             sweeps_left = interval - since_check
             if sweeps_left == 2:
-                second_last[:] = impulses
+                copy_entries(impulses, second_last)
             elif sweeps_left == 1:
-                previous[:] = impulses
+                copy_entries(impulses, previous)
             step = min(count, sweeps_left - 2 if sweeps_left > 2 else 1)
             _sweep(
                 width,
@@ -119,41 +109,22 @@ def sweep_coupled(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def sweep_uncoupled(  # type: ignore[no-untyped-def]
-    starts,
-    lanes,
-    store,
-    scale,
-    free_velocity,
-    friction,
-    fixed_bound,
-    partner,
-    sets,
-    row_count,
-    first_row,
-    mu,
-    bounds,
-    partner_law,
-    tolerance,
-    max_iterations,
-    between_checks,
-    impulses,
-):
+def sweep_uncoupled_contacts(laws, free_velocity, scale, store, tolerance, max_iterations, impulses):  # type: ignore[no-untyped-def]
     """Sweep as ``NSGS`` does, whose first sweep is nearly exact; see ``sweep_coupled``."""
+    friction, fixed_bound, partner = laws.friction, laws.fixed_bound, laws.partner_lanes
     n_rows, n_blocks = len(free_velocity), len(friction)
     width = n_rows // n_blocks
-    n_values = len(lanes) * width * width
-    values, _, diagonal, law_values, work = cut_store(store, n_values, n_rows, n_blocks, len(sets))
+    starts, lanes, values, _, diagonal, law_values, work = cut_store(store, n_rows, n_blocks, len(laws.sets))
     velocity, relaxation = work[0], work[1, :n_blocks]
     relaxation[:] = 1.0
-    progress, iteration = _begin_progress(), np.int64(0)
+    progress, iteration, residual_arrays = _begin_progress(), np.int64(0), residual_laws(laws)
     while True:
         _write_velocity(width, starts, lanes, values, free_velocity, impulses, velocity)
-        laws = (sets, row_count, first_row, mu, bounds, partner_law)
-        state, progress = _check(progress, iteration, tolerance, scale, laws, law_values, diagonal, impulses, velocity)
+        arrays = (residual_arrays, law_values, diagonal, impulses, velocity)
+        state, progress = _check(progress, iteration, tolerance, scale, *arrays)
         if state != CONTINUE or iteration >= max_iterations:
             return state == SOLVED, iteration
-        count = min(max_iterations - iteration, max(between_checks, min(MAX_CHECK_INTERVAL, 1 + iteration // 2)))
+        count = min(max_iterations - iteration, min(MAX_CHECK_INTERVAL, 1 + iteration // 2))
         iteration += count
         if iteration >= FIRST_INTERVAL:  # from here on, ``NSGS`` also compares increments
             return False, iteration
@@ -161,6 +132,12 @@ def sweep_uncoupled(  # type: ignore[no-untyped-def]
             width, count, relaxation, starts, lanes, values, free_velocity, friction, fixed_bound, partner, impulses
         ):
             return False, iteration
+
+
+@njit(cache=True, error_model="numpy")
+def residual_laws(laws):  # type: ignore[no-untyped-def]
+    """Return the arrays of ``ContactLaws`` that determine violations of laws."""
+    return laws.sets, laws.row_count, laws.first_row, laws.mu, laws.bounds, laws.partner_law
 
 
 @njit(cache=True, error_model="numpy")
@@ -174,10 +151,8 @@ def _begin_progress():  # type: ignore[no-untyped-def]
 def _check(progress, iteration, tolerance, scale, laws, law_values, diagonal, impulses, velocity):  # type: ignore[no-untyped-def]
     """Return the result of a check by the criteria of ``Monitor`` and ``Window``, and the progress so far."""
     best, first, n_stale_checks, window_begin, window_residual = progress
-    sets, row_count, first_row, mu, bounds, partner_law = laws
-    violation = write_squared_violations(
-        sets, row_count, first_row, mu, bounds, partner_law, law_values, impulses, velocity
-    )
+    _, row_count, first_row, _, _, _ = laws
+    violation = write_squared_violations(*laws, law_values, impulses, velocity)
     residual = 0.0 if violation == 0.0 else violation / scale
     if not residual < np.inf:
         return UNUSUAL, progress

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from ....problems.arrays import FloatArray, IntArray
+from ....problems.compilation.kernel_arrays import copy_entries
 from ....problems.contact.matrices.memory import require_memory
 from .elimination import MAX_COLUMNS, find_elimination
 
@@ -157,18 +158,18 @@ def _factorise(  # type: ignore[no-untyped-def]
             _add_update(f22, b, lower_positions, width, lower_positions, width, update, cut, cut)
         inverse = np.ascontiguousarray(np.linalg.inv(f11))
         if corrections > 0:
-            pivot_blocks[pivot_starts[s] : pivot_starts[s + 1]] = f11.reshape(-1)
+            copy_entries(f11.reshape(-1), pivot_blocks[pivot_starts[s] : pivot_starts[s + 1]])
         offset = b * b * factor_starts[s]
-        factors[offset : offset + p * p] = inverse.reshape(-1)
+        copy_entries(inverse.reshape(-1), factors[offset : offset + p * p])
         if q > 0:
             product = np.dot(inverse, f12)
             for _ in range(corrections):
                 product += np.dot(inverse, f12 - np.dot(f11, product))
             offset += p * p
-            factors[offset : offset + p * q] = f21.reshape(-1)
-            factors[offset + p * q : offset + 2 * p * q] = product.reshape(-1)
+            copy_entries(f21.reshape(-1), factors[offset : offset + p * q])
+            copy_entries(product.reshape(-1), factors[offset + p * q : offset + 2 * p * q])
             f22 -= np.dot(f21, product)
-            stack[top : top + q * q] = f22.reshape(-1)
+            copy_entries(f22.reshape(-1), stack[top : top + q * q])
             top += q * q
 
 
@@ -193,7 +194,7 @@ def _solve(  # type: ignore[no-untyped-def]
         for _ in range(corrections):
             pivot_matrix = pivot_blocks[pivot_starts[s] : pivot_starts[s + 1]].reshape(p, p)
             pivot_solution += np.dot(inverse, pivot_values - np.dot(pivot_matrix, pivot_solution))
-        x[begin : begin + p] = pivot_solution
+        copy_entries(pivot_solution, x[begin : begin + p])
         if n_rows > 0:
             q = b * n_rows
             change = np.dot(factors[offset + p * p : offset + p * p + p * q].reshape(q, p), pivot_solution)

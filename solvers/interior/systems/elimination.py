@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from ....problems.arrays import IntArray
+from ....problems.compilation.kernel_arrays import copy_entries
 
 MAX_ZERO_SHARE = 0.2
 """Largest share of zeros in a supernode after it has merged with its neighbour."""
@@ -175,7 +176,7 @@ def _structures(starts, columns, position, order, parent):  # type: ignore[no-un
         begin = n_used
         if n_used + n > len(rows):
             longer = np.empty(2 * len(rows) + n, dtype=np.int64)
-            longer[:n_used] = rows[:n_used]
+            copy_entries(rows[:n_used], longer[:n_used])
             rows = longer
         for p in range(starts[order[j]], starts[order[j] + 1]):
             i = position[columns[p]]
@@ -192,7 +193,7 @@ def _structures(starts, columns, position, order, parent):  # type: ignore[no-un
                     rows[n_used] = i
                     n_used += 1
             child = sibling[child]
-        rows[begin:n_used] = np.sort(rows[begin:n_used])
+        copy_entries(np.sort(rows[begin:n_used]), rows[begin:n_used])
         column_starts[j + 1] = n_used
         if parent[j] >= 0:
             sibling[j] = first[parent[j]]
@@ -233,7 +234,9 @@ def _fronts(column_starts, column_rows, node_starts, parent):  # type: ignore[no
     parent_node = np.full(n_nodes, -1, dtype=np.int64)
     for s in range(n_nodes):
         last = node_starts[s + 1] - 1
-        rows[row_starts[s] : row_starts[s + 1]] = column_rows[column_starts[last] : column_starts[last + 1]]
+        copy_entries(
+            column_rows[column_starts[last] : column_starts[last + 1]], rows[row_starts[s] : row_starts[s + 1]]
+        )
         if parent[last] >= 0:
             parent_node[s] = node_of[parent[last]]
             child_starts[parent_node[s] + 1] += 1
