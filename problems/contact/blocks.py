@@ -10,7 +10,7 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray, read_only
@@ -155,6 +155,15 @@ def _part_of_layout(laws: Laws) -> BlockLayout | None:
         return None
     longer = layout_of(laws.equal_laws)
     return longer.first(laws.n_laws * longer.n_blocks // laws.equal_laws.n_laws)
+
+
+@njit(cache=True, inline="always")
+def block_of(slot, width):  # type: ignore[no-untyped-def]
+    """Return ``slot // width`` of a slot that is not negative; a division by a constant takes a fifth of the time."""
+    unsigned, three, two = uint64(slot), uint64(3), uint64(2)
+    if width == 3:
+        return unsigned // three
+    return unsigned // two if width == 2 else unsigned // uint64(width)
 
 
 @interpretable

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..arrays import FloatArray, IntArray
 from ..compilation.interpretation import interpretable
+from .blocks import block_of
 from .laws import HALF_LINE, LINE
 from .matrices.pieces import Pieces
 from .problem import ContactProblem
@@ -252,18 +253,20 @@ def _write_scales(  # type: ignore[no-untyped-def]
     """
     stuck, largest = -1, 0.0
     for law in range(len(sets)):
-        row = first_row[law]
-        alpha[law], speeds[law] = diagonal[row], abs(free_velocity[row])
-        for k in range(row + 1, row + row_count[law]):
-            alpha[law] = max(alpha[law], diagonal[k])
-            speeds[law] = np.hypot(speeds[law], free_velocity[k])
-        if sets[law] == HALF_LINE and alpha[law] == 0.0 and free_velocity[row] < 0.0:
-            stuck = law
-        if sets[law] == LINE and alpha[law] == 0.0 and free_velocity[row] != 0.0:
-            stuck = law
+        row, last = uint64(first_row[law]), uint64(first_row[law] + row_count[law])
+        alpha_of_law, speed = diagonal[row], abs(free_velocity[row])
+        for k in range(row + uint64(1), last):
+            alpha_of_law = max(alpha_of_law, diagonal[k])
+            speed = np.hypot(speed, free_velocity[k])
+        if alpha_of_law == 0.0:
+            if sets[law] == HALF_LINE and free_velocity[row] < 0.0:
+                stuck = law
+            if sets[law] == LINE and free_velocity[row] != 0.0:
+                stuck = law
+        alpha[law], speeds[law] = alpha_of_law, speed
     for law in range(len(sets)):
         normal = partner[law]
-        if normal >= 0 and diagonal[first_row[normal]] == 0.0:
+        if normal >= 0 and diagonal[uint64(first_row[uint64(normal)])] == 0.0:
             alpha[normal] = max(alpha[normal], alpha[law])
     for law in range(len(sets)):
         lengths[law] = 1.0
@@ -287,11 +290,14 @@ def write_scales_and_ratios(  # type: ignore[no-untyped-def]
     alpha, lengths, speeds, ratios = law_values[0], law_values[1], law_values[2], law_values[3]
     arguments = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)
     stuck, scale = _write_scales(*arguments, alpha, lengths, speeds)
-    largest, owns = np.zeros(len(component)), np.empty(len(sets), dtype=np.int64)
+    largest, owns, n_components = np.zeros(len(component)), np.empty(len(sets), dtype=np.int64), uint64(0)
     for law in range(len(sets)):
-        own = component[slot[first_row[law]] // width]
-        owns[law], largest[own] = own, max(largest[own], speeds[law])
+        own = uint64(component[block_of(slot[uint64(first_row[law])], width)])
+        if speeds[law] > largest[own]:
+            largest[own] = speeds[law]
+        owns[law], n_components = own, max(n_components, own + uint64(1))
+    for k in range(n_components):
+        largest[k] = scale / largest[k] if largest[k] > NEGLIGIBLE * scale else 1.0
     for law in range(len(sets)):
-        own = largest[owns[law]]
-        ratios[law] = scale / own if own > NEGLIGIBLE * scale else 1.0
+        ratios[law] = largest[uint64(owns[law])]
     return stuck, scale

@@ -14,11 +14,11 @@ from typing import Literal, get_args
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
+from numba import njit, uint64
 
 from ...problems.arrays import FloatArray
 from ...problems.compilation.interpretation import interpretable
-from ...problems.contact.blocks import BlockLayout
+from ...problems.contact.blocks import BlockLayout, block_of
 from ...problems.contact.coupling import row_lengths
 from ...problems.contact.problem import ContactProblem
 from ..iteration.method import check_option
@@ -110,8 +110,10 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
 @njit(cache=True, error_model="numpy")
 def write_step_sizes(slot, width, row_values, relaxation, step_sizes):  # type: ignore[no-untyped-def]
     """Write ω over the largest number in ``row_values`` of each law's rows, or 0 if that is 0."""
+    one = uint64(1)
     for row in range(len(slot)):
-        block, lane = slot[row] // width, min(slot[row] % width, 1)
+        block = block_of(slot[row], width)
+        lane = min(uint64(slot[row]) - uint64(width) * block, one)
         step_sizes[block, lane] = max(step_sizes[block, lane], row_values[row])
     for block in range(len(step_sizes)):
         for lane in range(2):
