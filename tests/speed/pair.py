@@ -10,6 +10,8 @@ Each state is measured by its own ``figures.py``, so that names may change. A fi
 name. Each base has a reason, and earlier ones stay in the file, so that it shows how changes below ``SLOWER`` add up.
 The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwise, even if a commit is not available.
 ``python tests/speed/pair.py COMMIT`` compares all figures with one commit, given by any name that git accepts.
+
+``--store`` adds the speeds and ratios of the checked-out commit to ``results/speed/history.csv``, for releases.
 """
 
 import io
@@ -25,18 +27,22 @@ import tomllib
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 from figures import FIGURES, pour
 from proxbench.bench.errors import BenchError
 from proxbench.bench.isolation.fork_server import ONE_THREAD
+from proxbench.bench.measure.machine import this_machine
 from proxbench.bench.report.cells import duration
 from proxbench.bench.store.ratios import Ratio, bootstrap_ratio
 
 ROOT = Path(__file__).parents[2]
 ACCEPTED = ROOT / "results" / "speed" / "accepted.toml"
+HISTORY = ROOT / "results" / "speed" / "history.csv"
 STATES = ROOT / "build" / "speed"
 FIGURES_FILE = "tests/speed/figures.py"
 
@@ -290,15 +296,52 @@ def compare(comparisons: list[Comparison]) -> int:
     return 1
 
 
+def measured_commit() -> str:
+    """Return the hash of the checked-out commit.
+
+    Raises:
+        BenchError: if files differ from it, so that the measured state is not that of the commit.
+    """
+    words = ["git", "status", "--porcelain", "--untracked-files=no", "--", ":/", ":(exclude,top)results"]
+    changes = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    if changes:
+        raise BenchError(f"{changes[0][3:]} has changes; speeds are stored by commit, so commit them first.")
+    return commit_hash("HEAD")
+
+
+def store(comparisons: Iterable[Comparison], commit: str, path: Path) -> None:
+    """Append a row for each compared figure to a CSV file, which is created if it is missing."""
+    processor = this_machine().processor
+    rows = [
+        {
+            "date": date.today().isoformat(),
+            "commit": commit,
+            "processor": processor,
+            "figure": comparison.figure,
+            "seconds": comparison.seconds,
+            "base": comparison.commit,
+            **dict(zip(("ratio", "low", "high"), comparison.ratio, strict=True)),
+        }
+        for comparison in comparisons
+        if comparison.logarithms
+    ]
+    pd.DataFrame(rows).to_csv(path, mode="a", header=not path.exists(), index=False, float_format="%.4g")
+
+
 def main(words: Sequence[str]) -> int:
     """Compare with the accepted commits, or with the one that is named; return the exit code."""
+    names, stores = [word for word in words if word != "--store"], "--store" in words
     try:
-        if len(words) > 1:
+        if len(names) > 1:
             raise BenchError("name one commit, or none to compare with the accepted ones.")
-        if words:
-            return compare([Comparison(figure, words[0]) for figure in FIGURES])
-        comparisons, bases = accepted(ACCEPTED)
+        commit = measured_commit() if stores else ""
+        if names:
+            comparisons, bases = [Comparison(figure, names[0]) for figure in FIGURES], names
+        else:
+            comparisons, bases = accepted(ACCEPTED)
         code = compare(comparisons)
+        if stores:
+            store(comparisons, commit, HISTORY)
         if len(bases) > 1:
             count, first = len(bases) - 1, bases[0][:8]
             print(f"Earlier bases: {count}; python tests/speed/pair.py {first} compares with the first one.")

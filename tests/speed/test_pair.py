@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from figures import FIGURES, pour, seconds
 from pair import (
@@ -185,6 +186,27 @@ def measure_as(ratios: dict[str, list[float]], folder: Path, monkeypatch: pytest
     monkeypatch.setattr("pair.commit_hash", lambda name: HASH)
     monkeypatch.setattr("pair.pour", lambda folder: None)
     return installed
+
+
+def test_speeds_are_stored_by_commit_only_if_it_is_what_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    measure_as({FIRST: [0.8]}, tmp_path, monkeypatch)
+    monkeypatch.setattr("pair.HISTORY", tmp_path / "history.csv")
+    monkeypatch.setattr("pair.ROOT", tmp_path)
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a@b"]
+    (tmp_path / "code.py").write_text("a")
+    for words in (["init", "-q"], ["add", "code.py"], ["commit", "-qm", "one"]):
+        subprocess.run([*git, *words], check=True)
+    assert [main(["--store", "main"]) for _ in range(2)] == [0, 0]
+    rows = pd.read_csv(tmp_path / "history.csv")
+    assert rows["figure"].tolist() == [*FIGURES, *FIGURES]
+    assert set(rows["commit"]) == set(rows["base"]) == {HASH}
+    assert rows.set_index("figure")["ratio"][FIRST].tolist() == pytest.approx([0.8, 0.8])
+    (tmp_path / "code.py").write_text("b")
+    assert main(["--store", "main"]) == 2
+    assert "code.py has changes; speeds are stored by commit, so commit them first." in capsys.readouterr().err
+    assert len(pd.read_csv(tmp_path / "history.csv")) == 2 * len(FIGURES)
 
 
 def test_figures_that_stay_undecided_are_shown_and_counted(
