@@ -2,11 +2,11 @@
 
     y = Λ^ν + β (Λ^ν − Λ^(ν−1)),      Λ^(ν+1) = sweep(y)
 
-This is Polyak's heavy ball method on Gauss–Seidel sweeps. Observers receive Λ, which a sweep has just projected, never
-y. If the direction turns back, (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, the next sweep has no momentum, as in the restarts of
-O'Donoghue & Candès (Found. Comput. Math. 15, 2015). A change of the active set then takes one sweep and does not
-overshoot. If the residual makes no progress, β is halved. All other state of a sweep is affine in Λ and is extrapolated
-with it.
+Unlike Polyak's heavy-ball method, which it resembles, it sweeps from y, as Nesterov's method does. Observers receive
+Λ, which a sweep has just projected, never y. If the direction turns back, (y − Λ^(ν+1))·(Λ^(ν+1) − Λ^ν) > 0, the next
+sweep has no momentum, as in the restarts of O'Donoghue & Candès (Found. Comput. Math. 15, 2015). A change of the
+active set then takes one sweep and does not overshoot. If the residual makes no progress, β is halved. All other state
+of a sweep is affine in Λ and is extrapolated with it.
 
 β may grow with the number k of sweeps so far, up to a bound:
 
