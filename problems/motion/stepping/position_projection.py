@@ -49,7 +49,7 @@ corrects remaining penetrations. Problems of the library are generated with thes
 MAX_SWEEPS = 1000
 """Largest number of sweeps in all passes at the end of a step of balls."""
 
-MAX_FAILED_PASSES = 4
+MAX_FAILED_PASSES = 10
 """Number of successive passes after which a projection ends if none of them has reduced the largest penetration."""
 
 ACCURACY = 0.1
