@@ -31,10 +31,25 @@ def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:
     """Return a contiguous read-only copy of ``values`` of type ``dtype``; error messages call it ``name``.
 
     Raises:
-        ProblemError: if ``values`` are not real numbers.
+        ProblemError: if ``values`` are not real numbers, or an integer ``dtype`` cannot represent one of them.
     """
-    array = np.array(real_numbers(values, name), dtype=dtype, order="C", copy=True)
+    source = real_numbers(values, name)
+    if source.dtype != dtype and np.dtype(dtype).kind in "iu":
+        array = _whole_numbers(source, dtype, name)
+    else:
+        array = np.array(source, dtype=dtype, order="C", copy=True)
     read_only(array)
+    return array
+
+
+def _whole_numbers(source: NDArray[Any], dtype: Any, name: str) -> NDArray[Any]:
+    """Return a contiguous copy of an array as integers; raise ``ProblemError`` if that changes a number."""
+    with np.errstate(invalid="ignore"):  # NaN and infinity are reported below
+        array = np.array(source, dtype=dtype, order="C", copy=True)
+    changed = np.flatnonzero(np.ravel(array != source))
+    if len(changed):
+        limits, value = np.iinfo(dtype), np.ravel(source)[changed[0]]
+        raise ProblemError(f"{name}[{changed[0]}] = {value} must be a whole number from {limits.min} to {limits.max}.")
     return array
 
 

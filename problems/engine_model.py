@@ -33,6 +33,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from .arrays import FloatArray, IntArray, compressed_arrays, compressed_matrix, frozen, read_only
+from .contact.answer import ratio
 from .errors import ProblemError
 
 _VECTORS = ("regularisation", "offset", "kind", "first_row", "coefficient", "bound")
@@ -345,7 +346,7 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
         forces: f [N], shape (n,).
 
     Returns:
-        The residual; inf if a force is not finite.
+        The residual; inf if a force is not finite, or if the arithmetic overflows.
 
     Raises:
         ProblemError: if the forces have the wrong shape.
@@ -367,7 +368,7 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
     projected = _projection(model, sets, point)
     violation = np.where(alpha > 0.0, alpha * (force - projected), slope)
     worst = float(np.sqrt(np.add.reduceat(violation**2, model.first_row).max()))
-    return worst / model.scale if model.scale else (np.inf if worst else 0.0)
+    return ratio(worst, model.scale)
 
 
 def own_residual(model: EngineModel, impulses: ArrayLike) -> float:

@@ -7,6 +7,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..problems.compilation.interpretation import interprets_kernels
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solution, Solver, SolverError, Status, Stop, starts_from_last_answer
@@ -292,6 +294,7 @@ def solve(
         SolverError: if the solver, an option or a limit is unknown, ``solver`` does not implement the interface, or
             ``problem`` is not a contact problem, a name or a path.
         ProblemError: if the problem cannot be loaded.
+        InsufficientMemoryError: if the available memory does not suffice for the solver's matrices.
     """
     unknown = [name for name in limits if name not in ("max_iterations", "max_seconds")]
     if unknown:
@@ -310,7 +313,7 @@ def solve(
     stop, reason = Stop(tolerance, **limits), method.supports(problem)
     _check_contract(method, contract.reason_fault(reason))
     if reason:
-        return Solution(0.0 * problem.free_velocity, Status.UNSUPPORTED, 0, reason)
+        return Solution(np.zeros(problem.n_rows), Status.UNSUPPORTED, 0, reason)
     prepared = method.prepare(problem)
     _check_contract(method, contract.prepared_fault(prepared))
     solution = prepared.solve(stop)

@@ -136,11 +136,11 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         The verdict, with all errors of the impulses.
 
     Raises:
-        ProblemError: if ``problem`` is not a contact problem, Λ is not an array of the right shape, or the model does
-            not apply to the problem's laws.
+        ProblemError: if ``problem`` is not a contact problem, Λ is not an array of the right shape, ``model`` is not a
+            model, or the model does not apply to the problem's laws.
     """
-    argument: object = problem
-    if not isinstance(argument, ContactProblem):
+    arguments: tuple[object, object] = (problem, model)
+    if not isinstance(arguments[0], ContactProblem):
         kind = type(problem).__name__
         raise ProblemError(f"judge takes a ContactProblem, not {kind}; read one with load(name) or load(path).")
     if hasattr(impulses, "impulses"):
@@ -148,6 +148,8 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
     impulses = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
     if impulses.shape != (problem.n_rows,):
         raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry per row; got {impulses.shape}.")
+    if not isinstance(arguments[1], Model):
+        raise ProblemError(f"model must be a Model, such as Model.COULOMB, not {model!r:.60}.")
     if model == Model.ENGINE and problem.engine is not None:
         return replace(judge(problem, impulses), residual=own_residual(problem.engine, impulses), model=model)
     residual, inf = Residual(problem), np.inf

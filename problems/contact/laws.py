@@ -70,7 +70,6 @@ ROWS_OF_KIND = np.array([1, 1, 2, 1, 1, 2, 3], dtype=np.int64)
 _ROLLING_OF_ROWS = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROLLING_AND_SPINNING)
 
 _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind.BILATERAL, LawKind.PLANAR_ROLLING))
-_PLANAR_FRICTION, _SPATIAL_FRICTION = int(LawKind.PLANAR_FRICTION), int(LawKind.SPATIAL_FRICTION)
 """Plain numbers: NumPy compares them six times as fast as members of an enumeration."""
 
 MAX_CACHED_CONTACTS = 64
@@ -118,7 +117,9 @@ class Laws:
     def __post_init__(self) -> None:
         for name, dtype in _FIELDS.items():
             array = frozen(getattr(self, name), dtype, f"laws.{name}")
-            if array.ndim != 1 or len(array) != len(self.kind):
+            if array.ndim != 1:
+                raise ProblemError(f"laws.{name} must be a vector, one entry per law; got shape {array.shape}.")
+            if len(array) != len(self.kind):
                 raise ProblemError(
                     f"laws.{name} must have shape ({len(self.kind)},), one entry per law; got {array.shape}."
                 )
@@ -243,9 +244,14 @@ class Laws:
     def in_order(
         kind: ArrayLike, friction_coefficient: FloatArray, fixed_bound: FloatArray, partner: IntArray
     ) -> "Laws":
-        """Return laws that tile the rows in the order given; the arguments are attributes of ``Laws``."""
-        kinds = np.asarray(kind, dtype=np.int8)
-        first_row = np.cumsum(np.append(0, ROWS_OF_KIND[kinds]))[:-1]
+        """Return laws that tile the rows in the order given; the arguments are attributes of ``Laws``.
+
+        Raises:
+            ProblemError: if the arguments are inconsistent, as for ``Laws``.
+        """
+        kinds = frozen(kind, np.int8, "laws.kind")
+        rows = ROWS_OF_KIND.take(kinds, mode="clip")  # ``Laws`` reports unknown kinds
+        first_row = np.cumsum(np.append(0, rows))[:-1]
         return Laws(kinds, first_row, friction_coefficient, fixed_bound, partner)
 
     def fresh(self) -> "Laws":
@@ -281,14 +287,16 @@ class Laws:
             n_contacts: number of contacts.
 
         Raises:
-            ProblemError: if ``dim`` or μ is not valid.
+            ProblemError: if ``dim``, μ or ``n_contacts`` is not valid.
         """
-        if dim not in (1, 2, 3):
+        if dim not in (1, 2, 3) or not isinstance(dim, int | np.integer):
             raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
+        if not isinstance(n_contacts, int | np.integer) or n_contacts < 0:
+            raise ProblemError(f"n_contacts must be a whole number of at least 0, got {n_contacts!r}.")
         mu = frozen(friction, np.float64, "friction")
         if mu.ndim == 0 and 0.0 <= mu < np.inf:
             make = _few_equal_laws if n_contacts <= MAX_CACHED_CONTACTS else _equal_laws
-            return make(float(mu), dim, n_contacts)
+            return make(float(mu) + 0.0, int(dim), int(n_contacts))  # −0 would change the digest of problems
         try:
             coefficient = np.broadcast_to(mu, (n_contacts,))
         except ValueError:

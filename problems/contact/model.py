@@ -1,6 +1,7 @@
 """The mathematical model that a solver solves, which need not be Coulomb's."""
 
 from dataclasses import dataclass
+from numbers import Integral
 from typing import ClassVar, Literal
 
 from ..errors import ProblemError
@@ -33,11 +34,11 @@ class Model:
         """Return the pyramid model of ``sides`` sides.
 
         Raises:
-            ProblemError: if ``sides`` is less than 3.
+            ProblemError: if ``sides`` is not a whole number of at least 3.
         """
-        if sides < 3:
-            raise ProblemError(f"a friction pyramid needs at least 3 sides, got {sides}.")
-        return Model("pyramid", sides)
+        if not isinstance(sides, Integral) or sides < 3:
+            raise ProblemError(f"a friction pyramid needs a whole number of at least 3 sides, got {sides!r}.")
+        return Model("pyramid", int(sides))
 
     @staticmethod
     def from_text(text: str) -> "Model":

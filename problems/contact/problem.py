@@ -90,6 +90,7 @@ class ContactProblem:
             self.answer.check(self.laws.n_rows)
         if self.keys != ():
             _check_keys(self.keys, self.n_contacts)
+            object.__setattr__(self, "keys", tuple(self.keys))
         if self.engine is not None and self.engine.n_rows != self.laws.n_rows:
             raise ProblemError(f"the engine's model has {self.engine.n_rows} impulses for {self.laws.n_rows} rows.")
 
@@ -285,8 +286,12 @@ class ContactProblem:
         return self._described(name=name, provenance={**self.provenance, **provenance})
 
     def with_free_velocity(self, free_velocity: ArrayLike) -> "ContactProblem":
-        """Return the problem with a new c [m/s], shape (n_rows,), and a matching engine model, without an answer."""
-        c = _as_vector(free_velocity, "c")
+        """Return the problem with a new c [m/s], shape (n_rows,), and a matching engine model, without an answer.
+
+        Raises:
+            ProblemError: if c has the wrong shape or a value that is not finite.
+        """
+        c = _finite_vector(free_velocity, "c", self.n_rows)
         engine = None if self.engine is None else self.engine.shifted(c - self.free_velocity)
         return replace(self, free_velocity=c, answer=None, engine=engine)
 
@@ -294,8 +299,10 @@ class ContactProblem:
         """Return the same problem with a new known answer, and ``provenance`` added.
 
         Raises:
-            ProblemError: if the answer does not fit the rows of the problem.
+            ProblemError: if ``answer`` is not an ``Answer``, or does not fit the rows of the problem.
         """
+        if answer is not None:
+            _require_type("answer", answer, Answer, "an Answer, as Answer(impulses=...)")
         return self._described(answer=answer, provenance={**self.provenance, **provenance})
 
     def keyed(self, keys: Sequence[str]) -> "ContactProblem":
@@ -388,4 +395,4 @@ def _contact_laws(free_velocity: FloatArray, friction: ArrayLike, dim: int) -> L
             f"c has {len(free_velocity)} rows, which is not a multiple of dim = {dim}; give {dim} rows per contact, or "
             "another dim."
         )
-    return Laws.contacts(friction, dim, len(free_velocity) // dim if dim in (1, 2, 3) else 0)
+    return Laws.contacts(friction, dim, int(len(free_velocity) // dim) if dim in (1, 2, 3) else 0)

@@ -9,13 +9,15 @@ from itertools import chain, combinations
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, real_numbers
+from ..errors import ProblemError
 from .blocks import BlockLayout
 from .laws import BALL, HALF_LINE, Laws
 
 
-def project(laws: Laws, impulses: FloatArray) -> FloatArray:
+def project(laws: Laws, impulses: ArrayLike) -> FloatArray:
     """Project impulses onto the sets of their laws, normal impulses first.
 
     A negative normal impulse is set to zero. A friction impulse, sliding or rolling, is shortened to its bound
@@ -27,8 +29,13 @@ def project(laws: Laws, impulses: FloatArray) -> FloatArray:
 
     Returns:
         The projected Λ [N s], a new array of shape (n_rows,).
+
+    Raises:
+        ProblemError: if ``impulses`` has the wrong shape, or is not made of real numbers.
     """
-    projected = np.array(impulses, dtype=np.float64)
+    projected = np.array(real_numbers(impulses, "impulses"), dtype=np.float64)
+    if projected.shape != (laws.n_rows,):
+        raise ProblemError(f"impulses must have shape ({laws.n_rows},), one entry per row; got {projected.shape}.")
     bounds = laws.friction_coefficient, laws.fixed_bound, laws.partner
     _project(laws.sets, laws.first_row, laws.row_count, *bounds, projected)
     return projected

@@ -4,6 +4,7 @@
 separately. ``Prepared.solve`` iterates until the judge's residual reaches the tolerance, or reports why it does not.
 """
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -65,11 +66,13 @@ class Stop:
 
     Attributes:
         tolerance: the judge's residual to reach, dimensionless, positive.
-        max_iterations: largest number of iterations.
+        max_iterations: largest number of iterations, a whole number or infinity. It is stored as an integer, infinity
+            as ``sys.maxsize``.
         max_seconds: largest wall time [s], without preparation and without the compilation of kernels.
 
     Raises:
-        SolverError: if ``max_iterations`` is negative, another attribute is not positive, or one is not a number.
+        SolverError: if ``max_iterations`` is negative or has a fractional part, another attribute is not positive, or
+            one is not a number.
     """
 
     tolerance: float = 1e-6
@@ -87,6 +90,10 @@ class Stop:
             raise SolverError(
                 f"`max_iterations` must not be negative, got {self.max_iterations}; choose one such as 1000."
             )
+        limit = sys.maxsize if self.max_iterations >= sys.maxsize else int(self.max_iterations)
+        if limit < self.max_iterations < sys.maxsize:
+            raise SolverError(f"`max_iterations` must be a whole number, got {self.max_iterations}.")
+        object.__setattr__(self, "max_iterations", limit)
         if not self.max_seconds > 0:
             raise SolverError(f"`max_seconds` must be positive, got {self.max_seconds:g}; choose one such as 60.")
 

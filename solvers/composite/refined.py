@@ -49,8 +49,9 @@ class Refined(Method):
 
     def __post_init__(self) -> None:
         if not isinstance(self.solver, FixedPointMethod):
+            shown = getattr(self.solver, "name", repr(self.solver))
             raise SolverError(
-                f"Refined cannot refine {self.solver.name}, which does not offer its iterates; "
+                f"Refined cannot refine {shown}, which does not offer its iterates; "
                 "use ClarabelCoulomb or CvxpyCoulomb."
             )
 

@@ -87,6 +87,8 @@ class PreparedConvex:
         best_residual = self.residual(best, self.problem.free_velocity)
         if best_residual <= stop.tolerance:
             return Solution(best, Status.SOLVED, 0)
+        if stop.max_iterations == 0:
+            return Solution(best, Status.ITERATION_LIMIT, 0, f"residual {best_residual:.1e} in the convex model")
         accuracies = _Accuracies(stop.tolerance)
         for accuracy, refines_more in accuracies:
             iterations_left = stop.max_iterations - iterations
@@ -101,9 +103,12 @@ class PreparedConvex:
             if best_residual <= stop.tolerance:
                 return Solution(best, Status.SOLVED, iterations)
             limit = _LIMITS.get(result.status)
-            if limit is not None or iterations >= stop.max_iterations or seconds >= stop.max_seconds:
-                reason = f"residual {best_residual:.1e} in the convex model"
-                return Solution(best, limit or Status.ITERATION_LIMIT, iterations, reason)
+            if limit is None and iterations >= stop.max_iterations:
+                limit = Status.ITERATION_LIMIT
+            elif limit is None and seconds >= stop.max_seconds:
+                limit = Status.TIME_LIMIT
+            if limit is not None:
+                return Solution(best, limit, iterations, f"residual {best_residual:.1e} in the convex model")
             accuracies.is_failing = result.status is not ConicStatus.CONVERGED
         reason = f"residual {best_residual:.1e} at the tightest tolerances of the conic solver"
         if accuracies.is_failing:

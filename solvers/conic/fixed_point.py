@@ -93,7 +93,7 @@ FAST_PHASE = Phase(0.0, 1, progress=0.1)
 
 def check_memory(memory: int) -> None:
     """Raise ``SolverError`` unless ``memory`` is a valid number of pairs."""
-    check_option("memory", memory, isinstance(memory, int) and memory >= 0, "a whole number, 0 or more")
+    check_option("memory", memory, type(memory) is int and memory >= 0, "a whole number, 0 or more")
 
 
 class Correction:

@@ -6,7 +6,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from ...problems.arrays import FloatArray
+from ...problems.arrays import FloatArray, IntArray
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual, residual_under
@@ -201,13 +201,24 @@ def infeasible_solution(problem: ContactProblem) -> Solution:
 def initial_impulses(problem: ContactProblem, residual: Residual, start: FloatArray | None) -> FloatArray:
     """Return the first Λ, a fresh array of shape (n_rows,): ``start``, or zeros if no start is useful.
 
+    The normal impulses of contacts that open for any Λ are set to zero, because sweeps would not change them.
+
     Raises:
         ProblemError: if ``start`` has the wrong shape, or is not made of finite real numbers.
     """
     first = start_impulses(start, problem.n_rows)
     if residual.infeasible or residual.scale == 0.0:
         first[:] = 0.0  # c = 0 has the solution Λ = 0, and any other start has an infinite relative error
+    elif start is not None and not problem.delassus_diagonal.all():
+        first[_rows_that_open(problem)] = 0.0
     return first
+
+
+def _rows_that_open(problem: ContactProblem) -> IntArray:
+    """Return the rows i of unilateral laws with G_ii = 0 and c_i > 0, where ξ_i = c_i and therefore Λ_i = 0."""
+    rows = problem.laws.first_row[problem.laws.is_unilateral]
+    opens: IntArray = rows[(problem.delassus_diagonal[rows] == 0.0) & (problem.free_velocity[rows] > 0.0)]
+    return opens
 
 
 def confirm_residual(

@@ -42,6 +42,7 @@ from .messages import (
     read_prepared,
 )
 from .native_solver import (
+    MAX_COUNT,
     BrokenInterfaceError,
     NativeSolver,
     SolverFacts,
@@ -51,9 +52,6 @@ from .native_solver import (
 )
 from .problem_arrays import ProblemArrays
 from .structures import INTERFACE
-
-MAX_COUNT = 2**62
-"""Largest iteration limit that the program receives; larger limits are reduced to it."""
 
 _ALL_THREADS = 2
 """Low bits of the clock identifier of a process (clock_getcpuclockid(3))."""
@@ -236,7 +234,7 @@ class PreparedProgram:
         if self._prepare_status is not Status.SOLVED:
             return refused_solution(n_rows, self._prepare_status, self._message)
         first = start_impulses(start, n_rows)
-        limits = stop.tolerance, stop.max_seconds, int(min(stop.max_iterations, MAX_COUNT)), granted_threads()
+        limits = stop.tolerance, stop.max_seconds, min(stop.max_iterations, MAX_COUNT), granted_threads()
         program.send(SOLVE, 0, LIMITS.pack(*limits, observe is not None), first.tobytes())
         try:
             answer = self._answer(observe)

@@ -26,6 +26,9 @@ from .structures import (
     STATUSES,
 )
 
+MAX_COUNT = 2**62
+"""Largest iteration limit that a solver receives; larger limits are reduced to it."""
+
 MAX_NAME_LENGTH = 80
 """Number of characters to which a name or a version is truncated."""
 

@@ -27,6 +27,7 @@ from ...problems.contact.solver import (
 )
 from .elf import elf_length, own_processor, processor_of
 from .native_solver import (
+    MAX_COUNT,
     BrokenInterfaceError,
     NativeSolver,
     SolverFacts,
@@ -40,9 +41,6 @@ from .structures import FUNCTIONS, OBSERVER, STATUSES, Description, Problem, Req
 
 GUARD = 64
 """Number of guard entries before and after the impulses, which a solver must not change."""
-
-MAX_COUNT = 2**62
-"""Largest iteration limit that the library receives; larger limits are reduced to it."""
 
 _GUARD_BYTES = np.full(GUARD, -1.25e-250).tobytes()
 
@@ -161,7 +159,7 @@ class PreparedLibrary:
             return refused_solution(self._n_rows, self._prepare_status, self._message)
         request, result = self._request, self._result
         request.tolerance, request.max_seconds = stop.tolerance, stop.max_seconds
-        request.max_iterations = int(min(stop.max_iterations, MAX_COUNT))
+        request.max_iterations = min(stop.max_iterations, MAX_COUNT)
         self._set_start(start)
         self._impulses.fill(np.nan)
         result.iterations, result.message = 0, None

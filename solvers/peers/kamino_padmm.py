@@ -35,7 +35,8 @@ class KaminoPADMM(Method):
     def __post_init__(self) -> None:
         check_installed("KaminoPADMM", "newton", "kamino", TESTED_VERSION)
         check_option("acceleration", self.acceleration, isinstance(self.acceleration, bool), "True or False")
-        check_option("penalty", self.penalty, 0.0 < self.penalty < float("inf"), "positive")
+        is_valid = isinstance(self.penalty, int | float) and 0.0 < self.penalty < float("inf")
+        check_option("penalty", self.penalty, is_valid, "positive")
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""

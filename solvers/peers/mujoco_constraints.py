@@ -59,7 +59,8 @@ class MuJoCo(Method):
         check_installed("MuJoCo", "mujoco", "mujoco", TESTED_VERSION)
         known = get_args(Algorithm)
         check_option("algorithm", self.algorithm, self.algorithm in known, "one of " + ", ".join(known))
-        check_option("impedance", self.impedance, 0.0 < self.impedance < 1.0, "between 0 and 1")
+        is_valid = isinstance(self.impedance, int | float) and 0.0 < self.impedance < 1.0
+        check_option("impedance", self.impedance, is_valid, "between 0 and 1")
 
     @property
     def model(self) -> Model:

@@ -47,8 +47,10 @@ class PinocchioADMM(Method):
 
     def __post_init__(self) -> None:
         check_installed("PinocchioADMM", "pinocchio", "peers")
-        check_option("anderson", self.anderson, self.anderson >= 0, "an integer, 0 or more")
-        check_option("lanczos", self.lanczos, self.lanczos == 0 or self.lanczos >= 2, "0, or an integer of 2 or more")
+        is_valid = type(self.anderson) is int and self.anderson >= 0
+        check_option("anderson", self.anderson, is_valid, "an integer, 0 or more")
+        is_valid = type(self.lanczos) is int and (self.lanczos == 0 or self.lanczos >= 2)
+        check_option("lanczos", self.lanczos, is_valid, "0, or an integer of 2 or more")
         check_option("update", self.update, self.update in get_args(Update), "one of " + ", ".join(get_args(Update)))
 
     def supports(self, problem: ContactProblem) -> str | None:

@@ -38,7 +38,8 @@ class PinocchioPGS(Method):
 
     def __post_init__(self) -> None:
         check_installed("PinocchioPGS", "pinocchio", "peers")
-        check_option("relaxation", self.relaxation, 0.0 < self.relaxation < 2.0, "between 0 and 2")
+        is_valid = isinstance(self.relaxation, int | float) and 0.0 < self.relaxation < 2.0
+        check_option("relaxation", self.relaxation, is_valid, "between 0 and 2")
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""

@@ -157,10 +157,10 @@ def project_all(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _write_velocity_of_lanes(first_piece, last_piece, begin, end, chunks, pieces, scaled_velocity, free_velocity, xi):  # type: ignore[no-untyped-def]
-    """Write ξ of the lanes ``first`` to ``last`` − 1 of a block, whose pieces are ``begin`` to ``end`` − 1."""
+def _write_velocity_of_lanes(first_lane, last_lane, begin, end, chunks, pieces, scaled_velocity, free_velocity, xi):  # type: ignore[no-untyped-def]
+    """Write ξ of the lanes ``first_lane`` to ``last_lane`` − 1 of a block with the pieces ``begin`` to ``end`` − 1."""
     length = pieces.shape[2]
-    for lane in range(first_piece, last_piece):
+    for lane in range(first_lane, last_lane):
         total = free_velocity[lane]
         for p in range(begin, end):
             chunk = length * np.int64(chunks[p])
@@ -170,10 +170,10 @@ def _write_velocity_of_lanes(first_piece, last_piece, begin, end, chunks, pieces
 
 
 @njit(cache=True)
-def _push(first_piece, last_piece, begin, end, chunks, pieces, change, scaled_velocity):  # type: ignore[no-untyped-def]
-    """Add W̃ ΔΛ of these lanes to v."""
+def _push(first_lane, last_lane, begin, end, chunks, pieces, change, scaled_velocity):  # type: ignore[no-untyped-def]
+    """Add W̃ ΔΛ of the same lanes to v; see ``_write_velocity_of_lanes``."""
     length = pieces.shape[2]
-    for lane in range(first_piece, last_piece):
+    for lane in range(first_lane, last_lane):
         for p in range(begin, end):
             chunk = length * np.int64(chunks[p])
             for a in range(length):

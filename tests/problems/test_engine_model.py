@@ -204,3 +204,9 @@ def test_a_file_keeps_the_model_and_the_digest_depends_on_it(tmp_path: Path) -> 
 def test_a_model_of_other_rows_is_refused() -> None:
     with pytest.raises(ProblemError, match="has 6 impulses for 3 rows"):
         replace(pyramid_problem(1), engine=pyramid_problem(2).engine)
+
+
+def test_the_residual_of_forces_whose_arithmetic_overflows_is_infinite() -> None:
+    forces = [1.7e308, 1.7e308, -1.7e308]
+    with np.errstate(all="ignore"):
+        assert judge_own_model(model_of([CONE], [-2.0, 0.1, 0.1], unit=4.0), forces) == np.inf

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Model, ProblemError, load, save_problem
-from proxbench.solvers import Solver, SolverError, Stop, available, create, solve
+from proxbench.solvers import Solver, SolverError, Status, Stop, available, create, solve
 from proxbench.solvers.registry import compiled_solvers, composites, find_offer, parts, plain_names
 
 NESTED = "Fallback(SORprox(relaxation=1.5), Fallback(NSGS, SemismoothNewton, iterations=10), warm_iterations=7)"
@@ -126,3 +126,9 @@ class Faulty:
 def test_solver_without_the_interface_is_refused_with_the_fault(solver: Any, words: str) -> None:
     with pytest.raises(SolverError, match=words):
         solve("hard-no-motion", solver)
+
+
+def test_impulses_of_an_unsupported_problem_are_positive_zeros() -> None:
+    solution = solve(ContactProblem.from_delassus(np.eye(3), [-1.0, -2.0, 0.0], 0.5), "Enumeration")
+    assert solution.status is Status.UNSUPPORTED
+    assert not np.signbit(solution.impulses).any()

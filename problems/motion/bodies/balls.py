@@ -73,7 +73,8 @@ class BallSystem:
         inertia_factor: J/(m r²).
 
     Raises:
-        ProblemError: if a radius or a mass is not positive, a coefficient is out of range, or materials are missing.
+        ProblemError: if a radius or a mass is not positive and finite, their numbers differ, a coefficient is out of
+            range, or materials are missing.
     """
 
     radii: FloatArray
@@ -90,9 +91,11 @@ class BallSystem:
     def __post_init__(self) -> None:
         for name in ("radii", "masses"):
             values = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
-            if values.ndim != 1 or not (values > 0).all():
-                raise ProblemError(f"{name} must be positive numbers, one per ball.")
+            if values.ndim != 1 or not ((values > 0.0) & (values < np.inf)).all():
+                raise ProblemError(f"{name} must be positive, finite numbers, one per ball.")
             object.__setattr__(self, name, values)
+        if len(self.radii) != len(self.masses):
+            raise ProblemError(f"there are {len(self.radii)} radii and {len(self.masses)} masses; give one per ball.")
         if self.dimension not in (2, 3):
             raise ProblemError(f"dimension must be 2 or 3, got {self.dimension}.")
         if not (self.friction is None or callable(self.friction) or 0.0 <= self.friction < np.inf):
@@ -103,6 +106,8 @@ class BallSystem:
                 value.check_count(name, len(self.radii) + len(self.surfaces))
         for name in ("restitution_normal", "restitution_tangential"):
             value = getattr(self, name)
+            if isinstance(value, MaterialPairs):
+                value = max(value.coefficients.values(), default=0.0)
             if not (callable(value) and name == "restitution_normal") and not 0.0 <= value <= 1.0:
                 raise ProblemError(f"{name} must be between 0 and 1, got {value}.")
 

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from ...arrays import FloatArray, IntArray
+from ...errors import ProblemError
 
 SurfaceContacts = tuple[IntArray, FloatArray, FloatArray]
 """Indices of the balls that overlap a surface and their gaps [m], shapes (k,), and unit normals out of the surface,
@@ -33,11 +34,18 @@ class Plane:
 
     Attributes:
         point: a point of the plane [m], d numbers.
-        normal: direction out of the half-space, d numbers of any length.
+        normal: direction out of the half-space, d numbers of any length but 0.
+
+    Raises:
+        ProblemError: if the normal is zero or not finite.
     """
 
     point: tuple[float, ...]
     normal: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not 0.0 < np.linalg.norm(self.normal) < np.inf:
+            raise ProblemError(f"the normal of a plane must be finite and not zero, got {self.normal}.")
 
     def find_contacts(self, centres: FloatArray, radii: FloatArray) -> SurfaceContacts:
         """Return the balls with n·(x − p) < r."""
@@ -57,11 +65,18 @@ class Segment:
         lower: lower end (ρ, z) [m].
         upper: upper end (ρ, z) [m].
         side: 0 for a surface of revolution about the vertical axis, ±1 for the right or left wall of a planar scene.
+
+    Raises:
+        ProblemError: if the length is zero or not finite.
     """
 
     lower: tuple[float, float]
     upper: tuple[float, float]
     side: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < math.dist(self.lower, self.upper) < math.inf:
+            raise ProblemError(f"a segment needs two different, finite ends, got {self.lower} and {self.upper}.")
 
     def find_contacts(self, centres: FloatArray, radii: FloatArray) -> SurfaceContacts:
         """Return the balls whose centres lie beside the segment, on either side, at a distance less than r.

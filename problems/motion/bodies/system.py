@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from ...arrays import FloatArray, IntArray
+from ...arrays import FloatArray, IntArray, frozen
 from ...contact.laws import Laws
 from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.pieces import Pieces
@@ -243,8 +243,8 @@ class MechanicalSystem:
                 raise ProblemError(f"{name} must be {len(self.friction)} numbers between 0 and 1, got {values}.")
             setattr(self, name, values)
         n_contacts = len(self.friction)
-        contact_rows = np.array(self.rows_per_contact, dtype=np.int64)
-        joint_rows = np.array(self.joint_rows, dtype=np.int64)
+        contact_rows = frozen(self.rows_per_contact, np.int64, "rows_per_contact")
+        joint_rows = frozen(self.joint_rows, np.int64, "joint_rows")
         if contact_rows.shape not in ((), (n_contacts,)) or not np.isin(contact_rows, (1, 2, 3)).all():
             raise ProblemError(f"rows_per_contact must be 1, 2 or 3, for all or each of {n_contacts} contacts.")
         if joint_rows.ndim != 1 or (joint_rows < 1).any():

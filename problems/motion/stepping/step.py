@@ -130,8 +130,18 @@ class LawStates:
         return tuple(switches)
 
     def _reversed(self, before: "LawStates") -> list[int]:
-        both = self.slips.keys() & before.slips.keys()
-        return [key for key in both if np.dot(self.slips[key], before.slips[key]) < 0.0]
+        """Return the keys of the contacts whose slip reverses.
+
+        The friction impulses of one contact may differ in length, because all contacts of a step have as many
+        components as the widest one; further components of a contact are 0.
+        """
+        pairs = [(key, friction, before.slips[key]) for key, friction in self.slips.items() if key in before.slips]
+        lengths = [min(len(friction), len(previous)) for _, friction, previous in pairs]
+        return [
+            key
+            for (key, friction, previous), n in zip(pairs, lengths, strict=True)
+            if np.dot(friction[:n], previous[:n]) < 0.0
+        ]
 
 
 @dataclass(frozen=True, eq=False)

@@ -182,3 +182,36 @@ def test_equal_contacts_have_the_layout_of_their_own_laws(dim: int, n_contacts: 
         assert np.array_equal(getattr(found, one.name), getattr(expected, one.name)), one.name
     for name in ("sets", "row_count", "is_friction", "is_rolling", "is_unilateral", "is_bilateral"):
         assert np.array_equal(getattr(laws, name), getattr(laws.fresh(), name)), name
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"kind": [0, 257]}, r"laws.kind\[1\] = 257"),
+        ({"kind": [0, 1.5]}, r"laws.kind\[1\] = 1.5"),
+        ({"partner": [-1, 0.5]}, r"laws.partner\[1\] = 0.5"),
+        ({"kind": 0}, r"laws.kind must be a vector"),
+    ],
+)
+def test_numbers_that_are_not_indices_or_kinds_are_reported_instead_of_rounded(
+    changes: dict[str, object], words: str
+) -> None:
+    with pytest.raises(ProblemError, match=words):
+        planar_contact(**changes)
+
+
+@pytest.mark.parametrize("kind", [[9], [-1], [300], [0.5]])
+def test_laws_in_order_report_an_unknown_kind(kind: list[float]) -> None:
+    with pytest.raises(ProblemError, match=r"laws.kind\[0\]"):
+        Laws.in_order(kind, np.zeros(1), np.zeros(1), np.full(1, -1))
+
+
+@pytest.mark.parametrize("n_contacts", [-1, 2.0, "2"])
+def test_the_number_of_contacts_is_a_whole_number_of_at_least_zero(n_contacts: object) -> None:
+    with pytest.raises(ProblemError, match="n_contacts"):
+        Laws.contacts(0.5, 3, n_contacts)  # type: ignore[arg-type]
+
+
+def test_negative_zero_friction_does_not_change_the_cached_laws() -> None:
+    Laws.contacts(-0.0, 3, 61)
+    assert not np.signbit(Laws.contacts(0.0, 3, 61).friction_coefficient).any()

@@ -261,3 +261,21 @@ def test_an_attribute_of_another_type_is_refused(attributes: dict[str, Any], wor
 def test_a_new_name_must_be_a_text() -> None:
     with pytest.raises(ProblemError, match="name must be a string"):
         ContactProblem.from_delassus(G, C).renamed(5)  # type: ignore[arg-type]
+
+
+def test_keys_are_stored_as_a_tuple_that_cannot_change() -> None:
+    keys = ["left", "right"]
+    problem = ContactProblem.from_delassus(np.eye(6), np.zeros(6), keys=keys)
+    keys[0] = "changed"
+    assert problem.keys == ("left", "right")
+
+
+def test_an_answer_of_another_type_is_refused() -> None:
+    with pytest.raises(ProblemError, match="answer must be an Answer"):
+        ContactProblem.from_delassus(np.eye(3), np.zeros(3)).answered([0.0, 0.0, 0.0])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("dim", [3.0, 2.5])
+def test_a_dimension_that_is_not_an_integer_is_refused(dim: Any) -> None:
+    with pytest.raises(ProblemError, match="dim must be"):
+        ContactProblem.from_delassus(np.eye(3), np.zeros(3), 0.5, dim)

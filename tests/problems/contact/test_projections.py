@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems import LawKind, Laws, judge, load, project
+from proxbench.problems import LawKind, Laws, ProblemError, judge, load, project
 from proxbench.problems.contact.laws import ConvexSet
 from proxbench.problems.contact.projections import onto_cone, onto_polygon, project_rows
 
@@ -178,3 +178,9 @@ def test_a_point_inside_a_cone_keeps_its_normal_part_to_the_last_bit() -> None:
     assert inside.sum() > 1000
     assert np.array_equal(found[inside], normal[inside])
     assert np.array_equal(part[inside], tangent[inside])
+
+
+@pytest.mark.parametrize("impulses", [np.ones(2), np.ones(4), np.ones((1, 3)), 1.0, ["a", "b", "c"]])
+def test_impulses_of_another_shape_or_type_are_refused(impulses: np.ndarray) -> None:
+    with pytest.raises(ProblemError, match="impulses must"):
+        project(Laws.contacts(0.5, 3, 1), impulses)

@@ -5,7 +5,7 @@ import pytest
 from proxbench.problems import ContactProblem, judge, load
 from proxbench.problems.contact.residual import Residual
 from proxbench.solvers import SolverError, Status, Stop, create, solve
-from proxbench.solvers.composite.refined import Refinement
+from proxbench.solvers.composite.refined import Refined, Refinement
 from proxbench.solvers.iteration.stopping import Clock
 
 
@@ -59,3 +59,8 @@ def test_its_name_contains_the_solver_with_its_options() -> None:
 def test_a_solver_that_offers_no_iterates_is_refused() -> None:
     with pytest.raises(SolverError, match="cannot refine SORprox, which does not offer its iterates"):
         create("Refined(SORprox)")
+
+
+def test_a_part_that_is_no_solver_is_refused() -> None:
+    with pytest.raises(SolverError, match="cannot refine 'ClarabelCoulomb', which does not offer its iterates"):
+        Refined("ClarabelCoulomb")  # type: ignore[arg-type]

@@ -87,7 +87,7 @@ def test_the_factor_form_declines_fixed_bounds_with_the_reason() -> None:
     assert solve(problem, "ClarabelCoulomb", tolerance=1e-8).impulses == pytest.approx([-0.2], abs=1e-8)
 
 
-@pytest.mark.parametrize("options", [{"form": "dual"}, {"memory": -1}, {"memory": 2.5}])
+@pytest.mark.parametrize("options", [{"form": "dual"}, {"memory": -1}, {"memory": 2.5}, {"memory": True}])
 def test_error_names_the_invalid_option(options: dict[str, object]) -> None:
     with pytest.raises(SolverError, match=next(iter(options))):
         create("ClarabelCoulomb", **options)

@@ -81,3 +81,14 @@ def test_an_iteration_limit_is_reported() -> None:
     solution = create("ClarabelSOCP").prepare(block_on_ground(5.0)).solve(Stop(1e-9, max_iterations=2))
     assert solution.status is Status.ITERATION_LIMIT
     assert np.isfinite(solution.impulses).all()
+
+
+def test_no_iteration_is_done_if_none_is_allowed() -> None:
+    solution = create("ClarabelSOCP").prepare(block_on_ground(5.0)).solve(Stop(1e-9, max_iterations=0))
+    assert (solution.status, solution.iterations) == (Status.ITERATION_LIMIT, 0)
+
+
+def test_a_time_limit_is_not_called_an_iteration_limit() -> None:
+    """Clarabel itself has at least 1 ms, so that its run may end by itself after the limit of the solve."""
+    solution = create("ClarabelSOCP").prepare(block_on_ground(5.0)).solve(Stop(1e-17, max_seconds=1e-6))
+    assert solution.status is Status.TIME_LIMIT

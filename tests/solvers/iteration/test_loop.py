@@ -169,3 +169,12 @@ def test_impulses_that_are_not_finite_are_the_reason_for_divergence() -> None:
 def test_a_generator_that_ends_or_yields_something_else_is_an_error(yielded: list[FloatArray], words: str) -> None:
     with pytest.raises(SolverError, match=words):
         iterate(load("hard-mixed-laws"), lambda start: iter(yielded)).solve(Stop(1e-6))
+
+
+@pytest.mark.parametrize("solver", ["SORprox", "JORprox", "SafeguardedSORprox", "NSGS"])
+def test_a_start_with_an_impulse_at_a_contact_that_opens_for_any_impulses_leads_to_the_solution(solver: str) -> None:
+    """With G_NN = 0 the step of the normal impulse is 0, and its impulse would permit friction forever."""
+    problem = ContactProblem.from_delassus(np.diag([0.0, 1.0, 1.0]), [1.0, 0.3, 0.2], 0.5)
+    solution = create(solver).prepare(problem).solve(Stop(1e-9, 100), np.full(3, 0.1))
+    assert solution.status is Status.SOLVED
+    assert not solution.impulses.any()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from proxbench.problems import ProblemError
 from proxbench.problems.motion.bodies.balls import BallSystem
+from proxbench.problems.motion.bodies.rigid.materials import MaterialPairs
 from proxbench.problems.motion.bodies.surfaces import Plane, Rim, Segment, Surface
 
 SURFACES_3D = [
@@ -153,3 +154,23 @@ def test_overlaps_within_the_tolerance_are_not_reported() -> None:
     found = system.overlaps(sunk, 0.005)
     assert found is not None
     assert found.gap == pytest.approx([-0.01])
+
+
+@pytest.mark.parametrize(
+    ("radii", "masses", "words"),
+    [
+        ([0.1, 0.1, 0.1], [1.0, 1.0], "3 radii and 2 masses"),
+        ([0.1, 0.1, 0.1], [1.0], "3 radii and 1 masses"),
+        ([0.1, np.inf], [1.0, 1.0], "radii must be positive, finite"),
+        ([0.1, 0.1], [1.0, np.inf], "masses must be positive, finite"),
+    ],
+)
+def test_each_ball_has_a_finite_radius_and_a_finite_mass(radii: list[float], masses: list[float], words: str) -> None:
+    with pytest.raises(ProblemError, match=words):
+        BallSystem(np.array(radii), np.array(masses), (), 3, friction=0.5)
+
+
+def test_restitution_by_materials_is_at_most_one_as_for_rigid_bodies() -> None:
+    pairs = MaterialPairs(("steel", "steel"), {("steel", "steel"): 3.0})
+    with pytest.raises(ProblemError, match="restitution_normal must be between 0 and 1"):
+        BallSystem(np.ones(2), np.ones(2), (), 3, restitution_normal=pairs)

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from proxbench.problems.motion.bodies.surfaces import Rim
+from proxbench.problems import ProblemError
+from proxbench.problems.motion.bodies.surfaces import Plane, Rim, Segment
 
 
 @pytest.mark.parametrize(("dim", "side"), [(2, 1), (2, -1), (3, 0)])
@@ -25,3 +26,15 @@ def test_a_rim_touches_exactly_the_balls_that_reach_its_nearest_point(dim: int, 
     assert balls.tolist() == touched.tolist()
     assert gaps == pytest.approx((distance - radii)[touched], abs=1e-14)
     assert normals == pytest.approx((apart / distance[:, None])[touched], abs=1e-13)
+
+
+@pytest.mark.parametrize("normal", [(0.0, 0.0, 0.0), (np.nan, 0.0, 1.0), (np.inf, 0.0, 1.0)])
+def test_a_plane_without_a_direction_is_refused(normal: tuple[float, ...]) -> None:
+    """Its gaps would not be numbers, so that no ball touched it."""
+    with pytest.raises(ProblemError, match="normal of a plane"):
+        Plane((0.0, 0.0, 0.0), normal)
+
+
+def test_a_segment_without_length_is_refused() -> None:
+    with pytest.raises(ProblemError, match="two different, finite ends"):
+        Segment((1.0, 0.5), (1.0, 0.5))

@@ -89,3 +89,9 @@ def test_rows_of_contacts_follow_each_other(counts: list[int] | None, first: lis
     assert contacts.normals(rows).tolist() == [row + 1.0 for row in first]
     assert contacts.is_contact.all()
     assert np.array_equal(contacts.rows(contacts.lanes(rows)), rows)
+
+
+@pytest.mark.parametrize("changes", [{"rows_per_contact": 2.5}, {"rows_per_contact": [2, 1.5]}, {"joint_rows": [0.5]}])
+def test_numbers_of_rows_are_not_rounded(changes: dict[str, Any]) -> None:
+    with pytest.raises(ProblemError, match="must be a whole number"):
+        two_blocks(**changes)

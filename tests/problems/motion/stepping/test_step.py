@@ -108,3 +108,13 @@ def test_a_state_that_is_not_finite_is_an_error_with_the_last_good_one(wrong: fl
         with pytest.raises(StepError, match=r"no longer finite after t = 0\.25 s") as raised:
             check_finite(good, bad)
         assert raised.value.state is good
+
+
+def test_a_planar_slip_is_compared_beside_a_contact_that_becomes_spatial() -> None:
+    """All contacts of a step have as many friction components as the widest one."""
+    before = LawStates(closed=(0,), slips={0: (1.0,)})
+    same = LawStates(closed=(0,), slips={0: (2.0, 0.0)})
+    back = LawStates(closed=(0,), slips={0: (-2.0, 0.0)})
+    assert same.is_unchanged_since(before)
+    assert not back.is_unchanged_since(before)
+    assert [point.after for point in before.switches_since(back, 0.0, 1.0)] == ["slip"]
