@@ -11,7 +11,15 @@ import numpy as np
 
 from ..problems.compilation.interpretation import interprets_kernels
 from ..problems.contact.problem import ContactProblem
-from ..problems.contact.solver import Solution, Solver, SolverError, Status, Stop, starts_from_last_answer
+from ..problems.contact.solver import (
+    Solution,
+    Solver,
+    SolverError,
+    Status,
+    Stop,
+    check_limit_names,
+    starts_from_last_answer,
+)
 from ..problems.errors import suggestion
 from ..problems.exchange.catalog import load
 from ..problems.exchange.plugins.offers import Offer, offers
@@ -296,13 +304,7 @@ def solve(
         ProblemError: if the problem cannot be loaded.
         InsufficientMemoryError: if the available memory does not suffice for the solver's matrices.
     """
-    unknown = [name for name in limits if name not in ("max_iterations", "max_seconds")]
-    if unknown:
-        start = "; to start from impulses, call create(solver).prepare(problem).solve(stop, start)"
-        raise SolverError(
-            f"solve has no argument `{unknown[0]}`; it takes max_iterations and max_seconds"
-            f"{start if unknown[0] == 'start' else ''}."
-        )
+    check_limit_names("solve", limits)
     if isinstance(problem, str | Path):
         problem = load(problem)
     if not isinstance(problem, ContactProblem):

@@ -5,7 +5,7 @@ separately. ``Prepared.solve`` iterates until the judge's residual reaches the t
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from numbers import Real
@@ -96,6 +96,17 @@ class Stop:
         object.__setattr__(self, "max_iterations", limit)
         if not self.max_seconds > 0:
             raise SolverError(f"`max_seconds` must be positive, got {self.max_seconds:g}; choose one such as 60.")
+
+
+def check_limit_names(function: str, limits: Iterable[str]) -> None:
+    """Raise ``SolverError`` if a limit passed to ``function`` is not an attribute of ``Stop``."""
+    for name in limits:
+        if name not in ("max_iterations", "max_seconds"):
+            start = "; to start from impulses, call create(solver).prepare(problem).solve(stop, start)"
+            raise SolverError(
+                f"{function} has no argument `{name}`; it takes max_iterations and max_seconds"
+                f"{start if name == 'start' else ''}."
+            )
 
 
 def check_stop(stop: object) -> None:

@@ -60,7 +60,8 @@ class Fallback(Method):
         iterations: iteration limit of each run from zero; the last part has no separate limit.
 
     Raises:
-        SolverError: if there are no parts, the parts have different models, or an option is out of range.
+        SolverError: if there are no parts, a part is not a solver, the parts have different models, or an option is out
+            of range.
     """
 
     parts: tuple[Solver, ...]
@@ -70,6 +71,9 @@ class Fallback(Method):
     def __init__(self, *parts: Solver, warm_iterations: int = WARM_ITERATIONS, iterations: int = ITERATIONS) -> None:
         if not parts:
             raise SolverError("Fallback has no parts; name one or more solvers: Fallback(SORprox, NSGS).")
+        for part in parts:
+            if not callable(getattr(part, "prepare", None)):
+                raise SolverError(f"the parts of a Fallback must be solvers such as create('SORprox'), got {part!r}.")
         other = next((solver for solver in parts if solver.model != parts[0].model), None)
         if other is not None:
             raise SolverError(

@@ -18,7 +18,7 @@ from ....problems.contact.laws import Laws
 from ....problems.contact.matrices.memory import require_memory
 from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
-from ....problems.contact.solver import Solution, SolverError, Status, Stop
+from ....problems.contact.solver import Solution, SolverError, Status, Stop, check_limit_names
 from ....problems.exchange.catalog import load
 from ...iteration.cores import thread_requirement, usable_cores
 from ..robust import Robust
@@ -68,6 +68,7 @@ def solve_many(
         SolverError: if an element is not a problem, an option is out of range, or there are more threads than cores.
         InsufficientMemoryError: if the available memory does not suffice for joined copies of the problems.
     """
+    check_limit_names("solve_many", limits)
     solver, stop = Robust(), Stop(tolerance, **limits)
     _check_threads(threads)
     if isinstance(problems, ContactProblem | str | Path):

@@ -1,6 +1,7 @@
 """Fallback runs its parts in order, from the start and from zero, within common limits."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -176,3 +177,9 @@ def test_momentum_fallback_skips_parts_that_need_factors() -> None:
     solution = solve(problem, "MomentumFallback")
     assert solution.impulses == pytest.approx([1.0])
     assert solution.message.startswith("Robust")
+
+
+def test_a_part_that_is_not_a_solver_is_refused() -> None:
+    name: Any = "SORprox"
+    with pytest.raises(SolverError, match=r"must be solvers such as create\('SORprox'\), got 'SORprox'"):
+        Fallback(name)

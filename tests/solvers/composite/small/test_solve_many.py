@@ -121,3 +121,8 @@ def test_an_item_that_is_not_a_problem_is_reported_with_its_index() -> None:
 def test_problems_may_be_given_by_name() -> None:
     by_name, by_problem = solve_many(["hard-tower-3"]), solve_many([load("hard-tower-3")])
     assert by_name.solutions[0].impulses.tobytes() == by_problem.solutions[0].impulses.tobytes()
+
+
+def test_an_unknown_limit_is_refused_by_name() -> None:
+    with pytest.raises(SolverError, match="solve_many has no argument `max_iter`; it takes max_iterations and"):
+        solve_many([load("hard-tower-3")], max_iter=5)
