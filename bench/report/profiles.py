@@ -21,7 +21,7 @@ import pandas as pd
 
 from ...problems.errors import suggestion
 from ..errors import BenchError
-from ..store.frames import RunFrames
+from ..store.frames import CASE, RunFrames
 from ..store.ratios import reaching
 from .accuracy import (
     common_problems,
@@ -92,7 +92,7 @@ def residual_matrix(frames: RunFrames) -> pd.DataFrame:
 
 def _matrix(frames: RunFrames, points: pd.DataFrame, column: str) -> pd.DataFrame:
     solvers = [name for name in frames.info.plan.solvers if name in set(frames.cases["solver"])]
-    minima = points.groupby(["problem", "solver"], sort=False)[column].min().unstack("solver")
+    minima = points.groupby(CASE, sort=False)[column].min().unstack("solver")
     return minima.reindex(index=pd.Index(frames.cases["problem"].unique(), name="problem"), columns=solvers)
 
 

@@ -8,13 +8,10 @@ from rich.text import Text
 from ...problems.motion.trajectories.pour import UNITS
 from ...problems.motion.trajectories.problem import Aggregates
 from ..store.condition import EXCLUDED_MARK
-from ..store.frames import RunFrames
+from ..store.frames import POINT, RunFrames
 from ..store.plans import PlanRecord, TrajectoryRecord
 from .layout.terminal_table import print_table, wrap_note
 from .layout.text import overlap_words
-
-_POINT = ("problem", "solver", "tolerance")
-"""Columns that identify a point."""
 
 _COSTS = (
     "total_seconds",
@@ -45,13 +42,12 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row for each point and quantity, or for each point without a result.
 
     Columns: problem, solver, tolerance (the value of the ladder: a step [s] or a tolerance), quantity, error, low
-    and high (ends of its bar), total_seconds and processor_seconds (median times of the steps [s]; NaN if unknown),
-    is_excluded (whether the point has only excluded rounds), iterations (median of one-step solves), repeats (members
-    that finished), failed_members, unsolved_steps, overlapping_steps, outcome, reason.
+    and high (ends of its error bar), total_seconds and processor_seconds (median times of the steps [s]; NaN if
+    unknown), is_excluded (whether the point has only excluded rounds), iterations (median number of one-step solves),
+    repeats (number of members that finished), failed_members, unsolved_steps, overlapping_steps, outcome, reason.
     """
-    return frames.points[[*_POINT, *_COSTS]].merge(frames.errors, how="left", on=list(_POINT))[
-        [*_POINT, "quantity", "error", "low", "high", *_COSTS]
-    ]
+    table = frames.points[[*POINT, *_COSTS]].merge(frames.errors, how="left", on=POINT)
+    return table[[*POINT, "quantity", "error", "low", "high", *_COSTS]]
 
 
 def headline(plan: PlanRecord, problem: str) -> str:

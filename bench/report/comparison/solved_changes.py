@@ -2,9 +2,9 @@
 
 import pandas as pd
 
-from ...store.frames import RunFrames
+from ...store.frames import CASE, RunFrames
 from ...store.outcome import Outcome
-from .pairing import CASE, Pairing
+from .pairing import Pairing
 from .times import reaching_tolerances
 
 SOLVED, UNSOLVED, UNDECIDED = "solved", "unsolved", "undecided"

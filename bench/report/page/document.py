@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...store.condition import drift, run_state
-from ...store.frames import JUDGED, RunFrames
+from ...store.frames import CASE, JUDGED, RunFrames
 from ...store.ratios import reaching
 from ...store.records import Machine
 from ...store.store import plain_name
@@ -27,7 +27,7 @@ from ..accuracy import (
 from ..charts.palette import on_dark, solver_styles
 from ..charts.profiles import SHARE
 from ..charts.templates import ROWS, templates
-from ..endings import CASE, attempted_points, case_endings, join_texts
+from ..endings import attempted_points, case_endings, join_texts
 from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
 from .commands import option, protocol_options, repeat_command
 
@@ -87,9 +87,9 @@ def _first_drawable(frames: RunFrames) -> str:
     points = frames.points[np.isfinite(frames.points["residual"]) & frames.points["total_seconds"].notna()]
     residuals = points.groupby("problem")["residual"].nunique()
     iterations = frames.iterations.groupby("problem")["iteration"].nunique()
-    both = set(residuals.index[residuals > 1]) & set(iterations.index[iterations > 2])
+    drawable = set(residuals.index[residuals > 1]) & set(iterations.index[iterations > 2])
     problems = list(dict.fromkeys(frames.cases["problem"]))
-    candidates = (name for group in (both, set(points["problem"])) for name in problems if name in group)
+    candidates = (name for group in (drawable, set(points["problem"])) for name in problems if name in group)
     return str(next(candidates, problems[0]))
 
 
