@@ -14,7 +14,7 @@ INSTALL = 'pip install ".[engines]" in a clone of proxbench'
 
 
 class Engine(Protocol):
-    """A scene built in an engine. Modules of engines have a function ``build(description, time_step, options)``."""
+    """A scene built in an engine, by the function ``build(description, time_step, options)`` of its module."""
 
     def step(self) -> None:
         """Advance by one step."""
