@@ -68,6 +68,12 @@ def _load_plugin_files(paths: list[Path] | None) -> list[Path] | None:
     return paths
 
 
+def print_notes(*sentences: str) -> None:
+    """Print sentences on standard error, each on a line that begins with the name of the program."""
+    for sentence in sentences:
+        print(f"proxbench: {sentence}", file=sys.stderr)
+
+
 def given_parameters(context: typer.Context) -> set[str]:
     """Return the names of the parameters given on the command line."""
     return {name for name in context.params if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"}

@@ -89,6 +89,6 @@ def _require_consistent_options(
         return
     if problem.endswith(".bundle") or (Path(problem) / "run.json").is_file():
         raise BenchError(f"{problem} is a run; to record iterations during a run, use: proxbench run --record")
-    missing = [option for option, given in (("--solver", solver), ("--output", output)) if not given]
+    missing = [option for option, value in (("--solver", solver), ("--output", output)) if not value]
     if missing:
         raise BenchError(f"recording solvers requires {' and '.join(missing)}; see proxbench record -h.")

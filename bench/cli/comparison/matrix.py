@@ -1,6 +1,5 @@
 """The command ``proxbench matrix``."""
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -58,8 +57,7 @@ def matrix(
             bar.count_one()
 
         cells = measure_matrix(selection.problems, solvers, stop, on_cell=show)
-    for sentence in selection.left_out:
-        print(f"proxbench: {options.with_option_names(sentence)}", file=sys.stderr)
+    options.print_notes(*map(options.with_option_names, selection.left_out))
     command = _command(suite, problem, solver, stop, output, sample, sampling)
     page = matrix_page(cells, tolerance, command, table=table.name if table is not None else "")
     if as_json:

@@ -1,6 +1,5 @@
 """The commands ``proxbench bundle``, ``rejudge`` and ``merge``: runs as single files."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -82,8 +81,7 @@ def merge(
     missing: list[str] = []
     with ProgressBar(not progress or quiet or as_json) as bar:
         merged_run = merge_runs(sources, output, run_id, on_case=bar.count, on_missing=missing.append)
-    for sentence in missing:
-        print(f"proxbench: {sentence}", file=sys.stderr)
+    options.print_notes(*missing)
     if as_json:
         print_json({"run": str(merged_run.folder), "is_finished": merged_run.is_finished, "missing": missing})
     else:

@@ -1,6 +1,5 @@
 """The command ``proxbench capture``: contact problems from the steps of an engine."""
 
-import sys
 from collections.abc import Sequence
 from functools import partial
 from math import isfinite
@@ -73,7 +72,7 @@ def capture(
     else:
         _print_summary(summary, output, judge)
     if summary.error:
-        print(f"proxbench: {options.with_option_names(summary.error)}", file=sys.stderr)
+        options.print_notes(options.with_option_names(summary.error))
     return int(bool(summary.error))
 
 
