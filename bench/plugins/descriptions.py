@@ -157,13 +157,13 @@ def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> So
     return SolverSpec(
         answer["name"],
         model,
-        answer["shows"],
+        answer["has_iterates"],
         source,
         pickled,
-        is_randomised=answer["random"],
+        is_randomised=answer["is_randomised"],
         threads=int(answer["threads"]),
         files=files,
-        starts_warm=answer["warm"],
+        starts_warm=answer["starts_warm"],
     )
 
 
@@ -275,9 +275,9 @@ def _solver_description(solver: Solver, source: str, options: list[str], native:
     return {
         "name": solver.name,
         "model": str(solver.model),
-        "shows": shows_iterates(solver),
-        "random": draws_randomly(solver),
-        "warm": starts_from_last_answer(solver),
+        "has_iterates": shows_iterates(solver),
+        "is_randomised": draws_randomly(solver),
+        "starts_warm": starts_from_last_answer(solver),
         "threads": threads_of(solver),
         "source": source,
         "options": options,

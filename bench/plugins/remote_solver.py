@@ -192,8 +192,8 @@ def answer_fault(answer: dict[str, Any]) -> str | None:
 
 
 def are_iterations(values: Any) -> bool:
-    """Return whether ``numbers`` is a list of valid iteration numbers."""
-    return isinstance(values, list) and all(type(number) is int and 0 <= number <= MAX_ITERATIONS for number in values)
+    """Return whether ``values`` is a list of valid iteration numbers."""
+    return isinstance(values, list) and all(type(value) is int and 0 <= value <= MAX_ITERATIONS for value in values)
 
 
 @dataclass
