@@ -96,11 +96,11 @@ class RemoteSteps(RenewedWorker):
         Raises:
             BenchError: if a step fails, or the process does not answer.
         """
-        allowed = max(self.seconds, REQUEST_SECONDS)  # the process imports and compiles first
-        self._request("begin", start, states, seconds=allowed)
+        limit_seconds = max(self.seconds, REQUEST_SECONDS)  # the process imports and compiles first
+        self._request("begin", start, states, seconds=limit_seconds)
         begin, start_time, total_seconds = start, time.monotonic(), 0.0
         while True:
-            answer, content = self._request("step", seconds=allowed)
+            answer, content = self._request("step", seconds=limit_seconds)
             if answer.get("has_ended"):
                 return
             try:
@@ -115,7 +115,7 @@ class RemoteSteps(RenewedWorker):
                 self.close()
                 raise self.failure(invalid_answer_fault()) from None
             yield step, values
-            begin, allowed = step.end, self.seconds
+            begin, limit_seconds = step.end, self.seconds
 
     def failure(self, fault: Fault) -> Exception:
         """Return the error for a request without an answer, which is that of the scene's system."""

@@ -62,17 +62,17 @@ def choose_outputs(
     Raises:
         BenchError: if a file cannot be written, or is another existing file and ``force`` is not given.
     """
-    chosen = SimulationOutputs(chart or own.chart, recording or own.recording)
-    if chosen.chart is not None:
-        is_own_file = own.chart is not None and _picture(own.chart) == _picture(chosen.chart)
-        check_pictures_writable(chosen.chart, force or is_own_file)
-    if chosen.recording is not None:
-        is_own_file = own.recording is not None and os.path.abspath(own.recording) == os.path.abspath(chosen.recording)
+    outputs = SimulationOutputs(chart or own.chart, recording or own.recording)
+    if outputs.chart is not None:
+        is_own_file = own.chart is not None and _picture(own.chart) == _picture(outputs.chart)
+        check_pictures_writable(outputs.chart, force or is_own_file)
+    if outputs.recording is not None:
+        is_own_file = own.recording is not None and os.path.abspath(own.recording) == os.path.abspath(outputs.recording)
         from ...recordings.file import check_recording_path  # rerun takes a second to import
 
-        check_recording_path(chosen.recording, force or is_own_file)
-        check_writable([chosen.recording], force or is_own_file)
-    return chosen
+        check_recording_path(outputs.recording, force or is_own_file)
+        check_writable([outputs.recording], force or is_own_file)
+    return outputs
 
 
 def write_recording(record: Callable[[Path], None], recording: Path | None, result: Path) -> list[Path]:
