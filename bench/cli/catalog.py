@@ -56,7 +56,6 @@ def generate(
     from ..simulation.generation.generate import generate as generate_problems
     from .exchange.problem_files import print_files
 
-    options.check_output_options(quiet, as_json)
     all_names = list(names or [])
     if suite:
         all_names += [name for name in suite_members(suite) if name not in HARD_CASES and name not in all_names]

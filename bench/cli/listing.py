@@ -28,6 +28,7 @@ MAX_SHOWN_MEMBERS = 4
 """Largest number of members of a suite that a summary names."""
 
 Row = dict[str, Any]
+"""The fields of an entry of a listing by name."""
 
 MAX_NAME_WIDTH = 34
 """Largest width of the column of problem names; longer names shift their row."""
@@ -165,6 +166,7 @@ def _suite_text(row: Row) -> str:
 
 
 def _problem_text(row: Row, widths: Sequence[int]) -> str:
+    """Return contacts, rows and kinds of friction in columns of these widths [characters], then the form of G."""
     if row["error"]:
         return str(row["error"])
     if not row["available"]:

@@ -26,6 +26,12 @@ class Command(TyperCommand):
         """Return the parameters, including the help option, without types."""
         return _without_types(super().get_params(ctx))
 
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; raise ``BenchError`` if both ``--quiet`` and ``--json`` are given."""
+        specified = [name for name, key in (("quiet", "quiet"), ("json", "as_json")) if ctx.params.get(key)]
+        require_exclusive("quiet", ["json"], specified)
+        return super().invoke(ctx)
+
 
 class Group(TyperGroup):
     """The group of all commands, whose help page omits types as in ``Command``."""
@@ -118,11 +124,6 @@ def require_exclusive(name: str, others: Iterable[str], specified: Collection[st
             raise BenchError(
                 f"{option_name(name)} and {option_name(other)} are mutually exclusive; give only one of them."
             )
-
-
-def check_output_options(quiet: bool, as_json: bool) -> None:
-    """Raise ``BenchError`` if a command is called with both ``--quiet`` and ``--json``."""
-    require_exclusive("quiet", ["json"], ["quiet", "json"] if quiet and as_json else [])
 
 
 def _check_residual(name: str) -> str:

@@ -46,7 +46,6 @@ def record(
     from ..store.plans import RunSettings
     from .simulation.show import record_simulation
 
-    options.check_output_options(quiet, as_json)
     is_simulation = problem.endswith(".npz") and is_result(Path(problem))
     _require_consistent_options(problem, is_simulation, solver, output)
     for picture, suffix in ((still, STILL_SUFFIX), (film, FILM_SUFFIX)):

@@ -38,7 +38,6 @@ def report(
     With --problem, the tables show only these problems, and no file is
     written. With --page, only the offline page of the run is written.
     """
-    options.check_output_options(quiet, as_json)
     _require_consistent_options(result, options.given_parameters(context), charts)
     if _is_simulation(result):
         from .simulation.show import report_simulation

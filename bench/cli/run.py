@@ -71,7 +71,6 @@ def run(
     from .progress import RunProgress
 
     _require_consistent_options(context)
-    options.check_output_options(quiet, as_json)
     with _executor(dask) as executor, RunProgress(not progress or quiet or as_json) as bar:
         if resume is not None:
             measured_run = runs.resume(resume, retry_failed, on_event=bar, mix=mix, executor=executor)

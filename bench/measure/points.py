@@ -12,9 +12,8 @@ from ..store.impulses import number_of, worst
 from ..store.outcome import Outcome
 from ..store.records import MAX_ANSWERS, Measured, Point, Round
 
-_RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
-_OTHER_RANK = 2
-"""Ranks of outcomes from good to bad; other outcomes have ``_OTHER_RANK``."""
+_RANKS, _OTHER_RANK = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}, 2
+"""Ranks of outcomes from good to bad, and the rank of all other outcomes."""
 
 
 def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:

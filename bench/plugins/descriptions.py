@@ -250,6 +250,7 @@ def _offers(file: PluginFile) -> dict[str, list[str]]:
 
 
 def _solver(name: str, pickled: bytes) -> dict[str, Any]:
+    """Create a solver by its name, or from a pickled object, and return its description."""
     if pickled:
         return _solver_description(_unpickled(pickled), "", [], [])
     solver, offer = registry.create(name), registry.find_offer(name)
@@ -269,6 +270,7 @@ def _scene_options(name: str) -> list[str]:
 
 
 def _solver_description(solver: Solver, source: str, options: list[str], native: list[str]) -> dict[str, Any]:
+    """Return the declarations of a solver as JSON values; raise ``BenchError`` if it violates the interface."""
     fault = form_fault(solver)
     if fault:
         raise BenchError(f"the solver {type(solver).__name__} violates the interface: {fault}.")

@@ -25,7 +25,7 @@ MARKS = {
     Outcome.ITERATION_LIMIT: "I",
     Outcome.TIME_LIMIT: "T",
 }
-"""One character for each ending; faults have none and are spelled out."""
+"""One character for each ending; faults, wrong claims and other endings are spelled out."""
 
 MAX_NAMED_SOLVERS = 4
 """Largest number of solvers that the table of reasons names; if there are more, it names one fewer and a count."""
@@ -34,6 +34,7 @@ MAX_REASON_LENGTH = 160
 """Largest number of characters of a reason; longer ones are reduced to the first and the last two clauses."""
 
 _NONE_BAD = "No solver makes a wrong claim, returns numbers that are not finite, crashes, hangs or misbehaves."
+"""Sentence below the table of outcomes if no cell is bad, see ``count_bad``."""
 
 _PAGE = """\
 # What each solver can solve
@@ -54,6 +55,7 @@ Every outcome except solved and infeasible has a reason. The numbers in a reason
 this reason.
 
 {reasons}"""
+"""The page; ``grid`` is one of the two sections that follow."""
 
 _FAMILIES = """\
 ## Solved problems by family
@@ -62,6 +64,7 @@ Each column counts the problems of a family that the solver solves, out of those
 it supports none. [{table}]({table}) contains the result of every solver on every problem.
 
 {counts}"""
+"""Section of counts by family, for a page with a link to the table of all cells."""
 
 _GRID = """\
 ## Which solver solves which problem
@@ -71,6 +74,7 @@ D diverges, S stalls, I iteration limit, T time limit. The number after a failur
 judged residual.
 
 {cells}"""
+"""Section that shows all cells."""
 
 
 def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: str = "", table: str = "") -> str:
@@ -199,6 +203,7 @@ def _unsolved(frame: pd.DataFrame, tolerance: float) -> str:
 
 
 def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
+    """Return why no solver solves a problem, of which ``best`` is the cell with the smallest judged residual."""
     nearest_text = f"{best['solver']} comes nearest, to {best['residual']:.1e}: {best['reason']}."
     try:
         problem = load(name)

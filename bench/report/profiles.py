@@ -52,6 +52,7 @@ COMMON, EVERY = VIEWS = ("common", "all")
 """Problems that profiles cover: those that all solvers support, or all. Solvers that support none do not count."""
 
 _LABELS = ["accuracy", "family", "view"]
+"""Columns that identify a profile of times: its judged residual, family and view."""
 
 _COLUMNS = {
     "performance": [*_LABELS, "solver", "ratio", "share", "problems"],

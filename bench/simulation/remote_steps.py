@@ -22,7 +22,7 @@ from ...problems.motion.stepping.midpoint import step_problem
 from ...problems.motion.stepping.registry import make_stepper
 from ...problems.motion.stepping.step import AcceptedStep, LawStates, Step, SwitchingPoint
 from ..errors import BenchError
-from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, invalid_answer_fault
+from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker
 from ..plugins.descriptions import solver_spec
 from ..plugins.remote_scene import RemoteSystem
 from ..plugins.remote_solver import RemoteSolver
@@ -112,8 +112,7 @@ class RemoteSteps(RenewedWorker):
                 if step.seconds < 0.0 or total_seconds > time.monotonic() - start_time:
                     raise ValueError("the time of a step is out of range")
             except MALFORMED_ANSWER_ERRORS:
-                self.close()
-                raise self.failure(invalid_answer_fault()) from None
+                raise self.reject_answer() from None
             yield step, values
             begin, limit_seconds = step.end, self.seconds
 

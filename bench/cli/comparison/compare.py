@@ -34,7 +34,6 @@ def compare(
     from ...report.layout.output_file import check_writable, write_file
     from ...report.layout.text import output_width, print_json
 
-    options.check_output_options(quiet, as_json)
     prints_markdown = markdown is not None and str(markdown) == "-"
     if prints_markdown and (quiet or as_json):
         raise BenchError("--markdown - prints a page; use it without --json and --quiet, or name a file.")

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from ....problems.contact.solver import Stop
 
 DEFAULT_TOLERANCE, DEFAULT_SECONDS, DEFAULT_ITERATIONS = 1e-8, 5.0, 200_000
+"""Default judged residual to reach, time limit [s] and iteration limit of a solve."""
 
 
 def matrix(
@@ -43,7 +44,6 @@ def matrix(
     from ...store.outcome import Cell
     from ..progress import ProgressBar
 
-    options.check_output_options(quiet, as_json)
     if quiet and output is None:
         raise BenchError("--quiet does not print the page; write it to a file with --output FILE.")
     table = None if output is None else _table_file(output)

@@ -46,7 +46,6 @@ def capture(
     from ...errors import InterruptedWorkError
     from ...report.layout.text import counted, print_json
 
-    options.check_output_options(quiet, as_json)
     rows: list[dict[str, Any]] = []
     n_kept = 0
 

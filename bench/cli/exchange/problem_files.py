@@ -112,7 +112,6 @@ def import_files(
     from ....problems.capture.files import has_step, read_step, save_step
     from ....problems.exchange.survey import problem_files
 
-    options.check_output_options(quiet, as_json)
     read, suffixes = _reader(file_format, symmetry, indefinite)
     files_of = partial(problem_files, suffixes=suffixes)
     targets = _import_targets(sources, files_of, output, force)
@@ -151,7 +150,6 @@ def export_files(
     from ...plugins.problems import resolve_problem
     from ...report.layout.output_file import check_writable
 
-    options.check_output_options(quiet, as_json)
     problems = [resolve_problem(name) for name in names]
     write: Callable[[ContactProblem, Path], None] = save_problem
     if file_format == "fclib":

@@ -76,7 +76,6 @@ def simulate(
     from .show import Request, run_simulation
 
     _require_consistent_options(context)
-    options.check_output_options(quiet, as_json)
     if study or (resume is not None and resume.is_dir()):
         return _run_study(context, quiet, as_json, progress)
     plan_arguments = {name: context.params[name] for name in _PLAN_ARGUMENTS if context.params[name] is not None}

@@ -16,7 +16,7 @@ from ...simulation.plan import make_simulation_plan
 from ...simulation.run import advance, resumable_simulation
 from ...simulation.trajectory import Simulation
 from ...simulation.view.live import LiveSummary
-from ...simulation.view.outputs import SimulationOutputs, choose_outputs, write_recording
+from ...simulation.view.outputs import SimulationOutputs, choose_outputs
 from ...simulation.view.table import print_simulation, simulation_document
 from .. import options
 from .interrupts import deferred_interrupts
@@ -174,15 +174,17 @@ def _files(simulation: Simulation, file: Path) -> Iterator[tuple[str, str | Path
 
         for path in draw_pictures(lambda: write_chart(simulation, chart), file):
             yield "chart", path
-    if simulation.n_steps:
-        for path in write_recording(lambda path: _record(simulation, path, force=True), recording, file):
+    if simulation.n_steps and recording is not None:
+        remedy = "make it with: proxbench record {}"
+        for path in draw_pictures(lambda: _record(simulation, recording, force=True), file, "recording", remedy):
             yield "watch", f"rerun {path}"
 
 
-def _record(simulation: Simulation, file: Path, force: bool) -> None:
-    """Write the recording of a simulation."""
+def _record(simulation: Simulation, file: Path, force: bool) -> list[Path]:
+    """Write the recording of a simulation, and return its file in a list."""
     from ...recordings.replay import record_stored  # rerun takes a second to import
 
     scene = simulation.plan.scene
     seconds = scene.step_size if simulation.plan.stepper.holds_forces else None
     record_stored(scene, simulation.steps, simulation.states, file, impulse_seconds=seconds, force=force)
+    return [file]

@@ -127,6 +127,7 @@ def _run_chart(
 def _time_panel(
     frames: RunFrames, results: pd.DataFrame, means: pd.DataFrame, accuracy: float, scale: alt.Scale, has_names: bool
 ) -> alt.LayerChart:
+    """Return the times to one accuracy: a tick for each problem, and a large mark for the mean of each solver."""
     styles = solver_styles(frames.info.plan.solvers)
     colour = by_name(alt.Color, "solver", styles, "colour")
     columns = ["solver", "accuracy", "problem", "milliseconds"]

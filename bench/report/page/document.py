@@ -144,6 +144,7 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
 
 
 def _hardware(machine: Machine) -> dict[str, Any]:
+    """Return the facts about a machine and its software by name."""
     pools = dict.fromkeys(f"{pool.internal_api or pool.user_api} {pool.version}" for pool in machine.thread_pools)
     commit = machine.commit or "unknown"
     return {
@@ -159,6 +160,7 @@ def _hardware(machine: Machine) -> dict[str, Any]:
 
 
 def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
+    """Return one row per solver: model, threads, file name, command-line option, and style."""
     styles = solver_styles(frames.info.plan.solvers)
     threads = threads_by_solver(frames)
     first_cases = frames.cases.drop_duplicates("solver").set_index("solver")
@@ -177,6 +179,7 @@ def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
 
 
 def _problems(frames: RunFrames) -> list[dict[str, Any]]:
+    """Return one row per problem: sizes, digest, file name, command-line option, and whether it has a recording."""
     first_cases = {case["problem"]: case for case in frames.cases.drop_duplicates("problem").to_dict("records")}
     folder = frames.output_folder / RECORDINGS
     return [

@@ -1,12 +1,12 @@
-"""The chart and the recording of a simulation: choose, check and write their files."""
+"""The chart and the recording of a simulation: choose and check their files."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...report.layout.output_file import check_pictures_writable, check_writable, draw_pictures, picture_files
+from ...report.layout.output_file import check_pictures_writable, check_writable, picture_files
 
 
 @dataclass(frozen=True)
@@ -73,22 +73,6 @@ def choose_outputs(
         check_recording_path(outputs.recording, force or is_own_file)
         check_writable([outputs.recording], force or is_own_file)
     return outputs
-
-
-def write_recording(record: Callable[[Path], None], recording: Path | None, result: Path) -> list[Path]:
-    """Write the recording of ``result``, if it has one, and return its file.
-
-    Raises:
-        BenchError: if writing fails for any reason, with the command that records it later.
-    """
-    if recording is None:
-        return []
-
-    def write_and_list() -> list[Path]:
-        record(recording)
-        return [recording]
-
-    return draw_pictures(write_and_list, result, "recording", "make it with: proxbench record {}")
 
 
 def _picture(path: Path) -> str:

@@ -53,6 +53,7 @@ def _setting(name: str, step_factor: float = 1.0, **options: Any) -> Setting:
 
 
 _STIFF: dict[str, Any] = {"cone": "elliptic", "impratio": 10, "stiff": True}
+"""Options of MuJoCo for nearly rigid contacts."""
 
 ENGINES: dict[str, EngineKind] = {
     "mujoco": EngineKind(

@@ -66,6 +66,7 @@ def _measure_throw(scene: Description, motion: Motion) -> tuple[float, ...]:
 
 
 def _incline(name: str, slope: float) -> Description:
+    """Return a cube on an incline of the given slope tan θ, on which it slides or rests."""
     angle = np.arctan(slope)
     cube = Body(True, HALF_EDGE, CUBE_MASS, (0.0, 0.0, HALF_EDGE))
     gravity = (STANDARD_GRAVITY * float(np.sin(angle)), 0.0, -STANDARD_GRAVITY * float(np.cos(angle)))
