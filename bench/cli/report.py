@@ -173,7 +173,7 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
 
 
 def _report_damage(run: "Run") -> None:
-    """Print which case files are damaged; raise ``BenchError`` if there are case files and all are damaged."""
+    """Print which case files are damaged or not planned; raise ``BenchError`` if no other case can be read."""
     from ...problems.representation import first_names
     from ..errors import BenchError
 

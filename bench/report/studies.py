@@ -28,11 +28,11 @@ _COSTS = (
 """Columns of a point that do not depend on the quantity."""
 
 MIN_MOTION = 1e-6
-"""Longest path of a coordinate, relative to the scale of errors, below which a motion counts as rest."""
+"""Largest displacement of a coordinate, relative to the scale of errors, up to which a motion counts as rest."""
 
 ERROR_MEANINGS = {
     "limit cycle": "error after one period of the limit cycle, over the range of each coordinate",
-    "end position": "error of the last position, over the longest path of a coordinate",
+    "end position": "error of the last position, over the largest displacement, at least the length of the scene",
     "aggregates": "relative deviation of means over the second half from those of the reference",
 }
 """Meaning of an error, by its kind."""
@@ -57,7 +57,7 @@ def headline(plan: PlanRecord, problem: str) -> str:
 
 
 def motion_warning(trajectory: TrajectoryRecord) -> str:
-    """Return a warning if no coordinate of the reference changes, otherwise an empty text."""
+    """Return a warning if the reference ends where it starts, so that errors have no scale; otherwise an empty text."""
     if trajectory.displacement is None or trajectory.displacement > MIN_MOTION * trajectory.scale:
         return ""
     return (

@@ -111,6 +111,10 @@ class RunRecord(Record, frozen=True, kw_only=True):
 class Curve(Record, frozen=True, kw_only=True):
     """Judged residuals of the observed iterates.
 
+    Attributes:
+        iteration: numbers of the iterations, ascending.
+        residual: judged residual of each.
+
     Raises:
         ValueError: if the numbers of residuals and iterations differ.
     """
