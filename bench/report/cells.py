@@ -117,8 +117,7 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     for heading, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
         shown[heading] = _number_texts(points[key], ".2g")
     shown.insert(3, "quantity", points["quantity"].fillna("–"))
-    excluded = points["is_excluded"].eq(True).fillna(False)  # missing if nothing was measured
-    walls = zip(points["total_seconds"], excluded, strict=True)
+    walls = zip(points["total_seconds"], points["is_excluded"].eq(True), strict=True)  # missing values are not True
     shown["wall"] = [duration(wall) + (EXCLUDED_MARK if is_excluded else "") for wall, is_excluded in walls]
     shown["CPU"] = [duration(seconds) for seconds in points["processor_seconds"]]
     counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
