@@ -200,11 +200,11 @@ def run(
         InterruptedRunError: on Ctrl-C; finished points are kept.
     """
     use_plugin_files(_as_tuple(plugins) or ())
-    given = {"solve_seconds": solve_seconds, "case_seconds": case_seconds, "memory_bytes": limit_in_bytes(memory)}
-    changed = {name: value for name, value in given.items() if value is not None}
+    new_limits = {"solve_seconds": solve_seconds, "case_seconds": case_seconds, "memory_bytes": limit_in_bytes(memory)}
+    changed_limits = {name: value for name, value in new_limits.items() if value is not None}
     settings = RunSettings.checked(
         _as_tuple(tolerances),
-        msgspec.structs.replace(limits or Limits(), **changed),
+        msgspec.structs.replace(limits or Limits(), **changed_limits),
         passes=passes,
         seed=seed,
         thorough=thorough,

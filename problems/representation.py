@@ -1,6 +1,6 @@
 """Representations for users: a line of text in a console, a small table in a notebook."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 MAX_LISTED = 4
@@ -16,6 +16,12 @@ def names_or_number(names: Iterable[str], noun: str) -> str:
     """Return the names, comma-separated, or ``"12 solvers"`` if there are more than ``MAX_LISTED``."""
     known = list(names)
     return ", ".join(known) if 0 < len(known) <= MAX_LISTED else counted(len(known), noun)
+
+
+def first_names(names: Sequence[str], max_names: int) -> str:
+    """Return the names, comma-separated; after the first ``max_names``, only the number of the other names."""
+    more = f" and {len(names) - max_names} more" if len(names) > max_names else ""
+    return ", ".join(names[:max_names]) + more
 
 
 def html_table(title: str, facts: Mapping[str, object]) -> str:

@@ -56,15 +56,14 @@ def generate(
     from ..simulation.generation.generate import generate as generate_problems
     from .exchange.problem_files import print_files
 
-    options.check_output_options(quiet, as_json)
-    chosen = list(names or [])
+    all_names = list(names or [])
     if suite:
-        chosen += [name for name in suite_members(suite) if name not in HARD_CASES and name not in chosen]
-        if not chosen:
+        all_names += [name for name in suite_members(suite) if name not in HARD_CASES and name not in all_names]
+        if not all_names:
             raise BenchError(f"no problem of the suite {suite!r} comes from a scene; load its problems by name.")
-    if not chosen:
+    if not all_names:
         raise BenchError("no problems to generate are given; name problems, or give a --suite.")
-    digests = {str(file): read_problem(file).digest for file in generate_problems(chosen, output)}
+    digests = {str(file): read_problem(file).digest for file in generate_problems(all_names, output)}
     if as_json:
         print_json(digests)
     else:

@@ -28,6 +28,7 @@ MAX_SHOWN_MEMBERS = 4
 """Largest number of members of a suite that a summary names."""
 
 Row = dict[str, Any]
+"""The fields of an entry of a listing by name."""
 
 MAX_NAME_WIDTH = 34
 """Largest width of the column of problem names; longer names shift their row."""
@@ -56,23 +57,23 @@ def listing_rows(kind: str = "", suite: str = "", name: str = "", has_sizes: boo
         raise BenchError(f"there is no kind {kind!r} to list{suggestion(kind, KINDS)}")
     if name:
         entries, bare_name = listing_rows(kind, suite, has_sizes=has_sizes), name.partition("(")[0].strip()
-        chosen = {key: [row for row in rows if row["name"] == bare_name] for key, rows in entries.items()}
-        if not any(chosen.values()):
+        matches = {key: [row for row in rows if row["name"] == bare_name] for key, rows in entries.items()}
+        if not any(matches.values()):
             known = [row["name"] for rows in entries.values() for row in rows]
             kinds, command = kind or f"{', '.join(KINDS[:-1])} and {KINDS[-1]}", f"proxbench list {kind}".strip()
             raise BenchError(f"there is no {name!r} among the {kinds}{suggestion(name, known, command)}")
-        return {key: rows for key, rows in chosen.items() if rows}
+        return {key: rows for key, rows in matches.items() if rows}
     if suite:
         if kind != "problems":
             raise BenchError(f"--suite applies to problems only; use: proxbench list problems --suite {suite}")
         return {"problems": [_standard_problem(name) for name in suite_members(suite)]}
-    makers: dict[str, Callable[[], list[Row]]] = {
+    rows_of_kind: dict[str, Callable[[], list[Row]]] = {
         "solvers": _solvers,
         "suites": _suites,
         "problems": partial(_problems, has_sizes),
         "scenes": _scenes,
     }
-    return {key: makers[key]() for key in KINDS if kind in ("", key)}
+    return {key: rows_of_kind[key]() for key in KINDS if kind in ("", key)}
 
 
 def print_listing(names: dict[str, list[Row]], with_options: bool = False) -> None:
@@ -159,11 +160,13 @@ def _solver_text(row: Row) -> str:
 def _suite_text(row: Row) -> str:
     """Return the number of members of a suite, and the names of a few evenly spaced ones."""
     members = row["members"]
-    shown = members[:: -(-len(members) // MAX_SHOWN_MEMBERS)]
-    return f"{counted(len(members), 'problem')}: {', '.join(shown)}{', …' if len(shown) < len(members) else ''}"
+    shown_members = members[:: -(-len(members) // MAX_SHOWN_MEMBERS)]
+    more = ", …" if len(shown_members) < len(members) else ""
+    return f"{counted(len(members), 'problem')}: {', '.join(shown_members)}{more}"
 
 
 def _problem_text(row: Row, widths: Sequence[int]) -> str:
+    """Return contacts, rows and kinds of friction in columns of these widths [characters], then the form of G."""
     if row["error"]:
         return str(row["error"])
     if not row["available"]:

@@ -26,6 +26,12 @@ class Command(TyperCommand):
         """Return the parameters, including the help option, without types."""
         return _without_types(super().get_params(ctx))
 
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; raise ``BenchError`` if both ``--quiet`` and ``--json`` are given."""
+        specified = [name for name, key in (("quiet", "quiet"), ("json", "as_json")) if ctx.params.get(key)]
+        require_exclusive("quiet", ["json"], specified)
+        return super().invoke(ctx)
+
 
 class Group(TyperGroup):
     """The group of all commands, whose help page omits types as in ``Command``."""
@@ -66,6 +72,12 @@ def _load_plugin_files(paths: list[Path] | None) -> list[Path] | None:
 
         use_plugin_files(paths)
     return paths
+
+
+def print_notes(*sentences: str) -> None:
+    """Print sentences on standard error, each on a line that begins with the name of the program."""
+    for sentence in sentences:
+        print(f"proxbench: {sentence}", file=sys.stderr)
 
 
 def given_parameters(context: typer.Context) -> set[str]:
@@ -112,11 +124,6 @@ def require_exclusive(name: str, others: Iterable[str], specified: Collection[st
             raise BenchError(
                 f"{option_name(name)} and {option_name(other)} are mutually exclusive; give only one of them."
             )
-
-
-def check_output_options(quiet: bool, as_json: bool) -> None:
-    """Raise ``BenchError`` if a command is called with both ``--quiet`` and ``--json``."""
-    require_exclusive("quiet", ["json"], ["quiet", "json"] if quiet and as_json else [])
 
 
 def _check_residual(name: str) -> str:

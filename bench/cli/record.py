@@ -46,7 +46,6 @@ def record(
     from ..store.plans import RunSettings
     from .simulation.show import record_simulation
 
-    options.check_output_options(quiet, as_json)
     is_simulation = problem.endswith(".npz") and is_result(Path(problem))
     _require_consistent_options(problem, is_simulation, solver, output)
     for picture, suffix in ((still, STILL_SUFFIX), (film, FILM_SUFFIX)):
@@ -89,6 +88,6 @@ def _require_consistent_options(
         return
     if problem.endswith(".bundle") or (Path(problem) / "run.json").is_file():
         raise BenchError(f"{problem} is a run; to record iterations during a run, use: proxbench run --record")
-    missing = [option for option, given in (("--solver", solver), ("--output", output)) if not given]
+    missing = [option for option, value in (("--solver", solver), ("--output", output)) if not value]
     if missing:
         raise BenchError(f"recording solvers requires {' and '.join(missing)}; see proxbench record -h.")

@@ -1,6 +1,5 @@
 """The command ``proxbench report``, and the output of a finished run."""
 
-import sys
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -39,7 +38,6 @@ def report(
     With --problem, the tables show only these problems, and no file is
     written. With --page, only the offline page of the run is written.
     """
-    options.check_output_options(quiet, as_json)
     _require_consistent_options(result, options.given_parameters(context), charts)
     if _is_simulation(result):
         from .simulation.show import report_simulation
@@ -114,8 +112,7 @@ def report_run(
         baseline_of(frames, baseline)
     _report_damage(run)
     left_out = [options.with_option_names(sentence) for sentence in run.info.plan.left_out]
-    for sentence in left_out:
-        print(f"proxbench: {sentence}", file=sys.stderr)
+    options.print_notes(*left_out)
     if quiet or as_json:
         _report_unfinished(frames)
     else:
@@ -133,7 +130,7 @@ def report_run(
     else:
         console.print("\n".join(_file_lines(run, outputs)), soft_wrap=True, highlight=False, markup=False)
     if outputs.unwritten:
-        print(f"proxbench: {outputs.unwritten}", file=sys.stderr)
+        options.print_notes(outputs.unwritten)
     return 1 if left_out else _exit_code(run, run)
 
 
@@ -176,26 +173,24 @@ def print_problems(run: "Run", problems: Collection[str], as_json: bool, residua
 
 
 def _report_damage(run: "Run") -> None:
-    """Print which case files are damaged; raise ``BenchError`` if there are case files and all are damaged."""
+    """Print which case files are damaged or not planned; raise ``BenchError`` if no other case can be read."""
+    from ...problems.representation import first_names
     from ..errors import BenchError
 
     if run.damaged and run.cases.empty:
         names = [sentence.partition(" ")[0] for sentence in run.damaged]
-        more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
         raise BenchError(
-            f"no case of {run.folder} can be used (damaged or not planned: {', '.join(names[:MAX_NAMES])}{more}); "
+            f"no case of {run.folder} can be used (damaged or not planned: {first_names(names, MAX_NAMES)}); "
             f"measure them again with: proxbench run --resume {run.folder}"
         )
-    for sentence in run.damaged:
-        print(f"proxbench: {sentence}", file=sys.stderr)
+    options.print_notes(*run.damaged)
 
 
 def _report_unfinished(frames: "RunFrames") -> None:
     """Print which cases are missing or only partly measured, for output without tables."""
     from ..store.condition import unfinished
 
-    for sentence in unfinished(frames):
-        print(f"proxbench: {sentence}", file=sys.stderr)
+    options.print_notes(*unfinished(frames))
 
 
 def _exit_code(run: "Run", shown: "RunFrames") -> int:

@@ -71,7 +71,6 @@ def run(
     from .progress import RunProgress
 
     _require_consistent_options(context)
-    options.check_output_options(quiet, as_json)
     with _executor(dask) as executor, RunProgress(not progress or quiet or as_json) as bar:
         if resume is not None:
             measured_run = runs.resume(resume, retry_failed, on_event=bar, mix=mix, executor=executor)
@@ -110,9 +109,9 @@ def _executor(dask: str) -> AbstractContextManager[Executor | None]:
 
 def _require_consistent_options(context: typer.Context) -> None:
     """Raise ``BenchError`` if options of ``run`` contradict each other."""
-    given = options.given_parameters(context)
-    if "resume" in given:
-        options.require_absent(_STORED_WITH_THE_RUN, given, "is stored with the run, and --resume cannot change it")
+    specified = options.given_parameters(context)
+    if "resume" in specified:
+        options.require_absent(_STORED_WITH_THE_RUN, specified, "is stored with the run, and --resume cannot change it")
     else:
-        options.require_absent(["retry_failed", "mix"], given, "finishes an interrupted run and needs --resume RUN")
-    options.require_exclusive("suite", ["problem"], given)
+        options.require_absent(["retry_failed", "mix"], specified, "finishes an interrupted run and needs --resume RUN")
+    options.require_exclusive("suite", ["problem"], specified)

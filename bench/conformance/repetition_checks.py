@@ -33,15 +33,15 @@ def solves_each_time(solver: Solver) -> None:
     """Repeated solves of a problem give identical results and take the same time, apart from cache effects."""
     problems = [hard_case("hard-stack-100"), *(random_contacts(N_CONTACTS, dim) for dim in (3, 1))]
     problem = supported(solver, problems, "it supports none of the problems that are large enough for timing")[0]
-    found: list[tuple[float, float]] = []
+    times: list[tuple[float, float]] = []
     with threadpool_limits(1):  # busy-waiting library threads would count, mostly in a first solve
         solution_of(solver, perturbed_copy(problem), STOP)
         for _ in range(ATTEMPTS):
             first, repeated = _compare_first_and_repeated(solver, problem)
             if first <= RATIO * repeated + ALLOWANCE_SECONDS:
                 return
-            found.append((first, repeated))
-    first, repeated = min(found)
+            times.append((first, repeated))
+    first, repeated = min(times)
     raise Violation(
         f"a first solve of {problem.name} takes {first:.2g} s of processor time and a repeated one {repeated:.2g} s; "
         "do not store answers between solves."

@@ -140,9 +140,17 @@ def _answer_requests(pipe: int, assignment: Assignment) -> None:
 
 def _send_answer(pipe: int, answer: dict[str, Any], content: bytes = b"") -> None:
     """Send an answer with the peak memory of this process, then its binary content."""
-    peak_memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-    write_message(pipe, json.dumps({**answer, "peak_memory_bytes": peak_memory}).encode())
+    write_message(pipe, json.dumps({**answer, "peak_memory_bytes": peak_memory(resource.RUSAGE_SELF)}).encode())
     write_message(pipe, content)
+
+
+def peak_memory(who: int) -> int:
+    """Return a peak resident memory [bytes].
+
+    Args:
+        who: ``RUSAGE_SELF`` for this process, ``RUSAGE_CHILDREN`` for the largest child that it has waited for.
+    """
+    return resource.getrusage(who).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def _fork_copy(pipe: int) -> bool:

@@ -36,13 +36,13 @@ def end_with_parent(parent: int) -> None:
 
 def descendants(ancestor: int) -> list[int]:
     """Return the process ids of all descendants of ``ancestor``, parents before children."""
-    found: list[int] = []
-    waiting = [ancestor]
-    while waiting:
-        children = _children(waiting.pop())
-        found += children
-        waiting += children
-    return found
+    all_descendants: list[int] = []
+    pending = [ancestor]
+    while pending:
+        children = _children(pending.pop())
+        all_descendants += children
+        pending += children
+    return all_descendants
 
 
 def threads(process: int) -> list[int]:

@@ -13,11 +13,10 @@ import resource
 import shutil
 import signal
 import struct
-import sys
 from multiprocessing.connection import wait
 from types import FrameType
 
-from .child import Assignment, run_case
+from .child import Assignment, peak_memory, run_case
 from .process_tree import adopt_orphans, descendants, kill_all, send_signal
 
 STOP, CONTINUE, END = b"S", b"C", b"E"
@@ -56,7 +55,7 @@ def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> No
     with contextlib.suppress(OSError):  # the case may need no temporary files
         assignment.folder.mkdir(0o700)
     wakeup = _signal_pipe()
-    initial_memory, full_memory = _peak_memory(resource.RUSAGE_SELF), FULL_MEMORY_SHARE * assignment.memory_bytes
+    initial_memory, full_memory = peak_memory(resource.RUSAGE_SELF), FULL_MEMORY_SHARE * assignment.memory_bytes
     case = os.fork()
     if case == 0:
         _restore_signals(wakeup)
@@ -66,19 +65,8 @@ def supervise(pipe: int, orders: int, output: int, assignment: Assignment) -> No
     status = _watch_case(case, orders, wakeup[0])
     shutil.rmtree(assignment.folder, ignore_errors=True)
     with contextlib.suppress(OSError):
-        os.write(
-            orders, END_REPORT.pack(status, _peak_memory(resource.RUSAGE_CHILDREN) >= initial_memory + full_memory)
-        )
+        os.write(orders, END_REPORT.pack(status, peak_memory(resource.RUSAGE_CHILDREN) >= initial_memory + full_memory))
     os._exit(0)
-
-
-def _peak_memory(who: int) -> int:
-    """Return a peak resident memory [bytes].
-
-    Args:
-        who: ``RUSAGE_SELF`` for this process, ``RUSAGE_CHILDREN`` for the largest child that it has waited for.
-    """
-    return resource.getrusage(who).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def _signal_pipe() -> tuple[int, int]:

@@ -324,6 +324,11 @@ class RenewedWorker:
         """Return the exception to raise for a fault, by default the fault itself."""
         return fault
 
+    def reject_answer(self) -> Exception:
+        """End the process, and return the exception to raise for an answer that cannot be read."""
+        self.close()
+        return self.failure(invalid_answer_fault())
+
     def close(self) -> None:
         """End the process."""
         _close_all(self._workers)

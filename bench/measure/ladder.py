@@ -32,7 +32,7 @@ MAX_PARALLEL_STARTS = 4
 INTERRUPT_SECONDS = 0.05
 """Interval at which starting cases are asked to end after an interrupt [s]."""
 
-Answer = TypeVar("Answer")
+RoundResult = TypeVar("RoundResult")
 """The result of one round of a level."""
 
 Timed = TypeVar("Timed", bound=TimedRound)
@@ -52,7 +52,7 @@ class CasePass:
     number: int = 0
 
 
-class LadderCase(ABC, Generic[Answer]):
+class LadderCase(ABC, Generic[RoundResult]):
     """A case with its process, its ladder, and its record.
 
     Attributes:
@@ -94,16 +94,16 @@ class LadderCase(ABC, Generic[Answer]):
         """Start the process, and do the work that precedes all levels."""
 
     @abstractmethod
-    def measure(self, value: float, number: int) -> Answer | None:
-        """Run round ``number``, from 0, at a value of the ladder; return its answer, or None if the case failed."""
+    def measure(self, value: float, number: int) -> RoundResult | None:
+        """Run round ``number``, from 0, at a value of the ladder; return its result, or None if the case failed."""
 
     @abstractmethod
-    def needs_round(self, answers: Sequence[Answer]) -> bool:
-        """Return whether the level needs another round after the rounds with these answers (at least one)."""
+    def needs_round(self, results: Sequence[RoundResult]) -> bool:
+        """Return whether the level needs another round after the rounds with these results (at least one)."""
 
     @abstractmethod
-    def point(self, value: float, answers: list[Answer]) -> Point:
-        """Return the point at a value of the ladder from the answers of its rounds."""
+    def point(self, value: float, results: list[RoundResult]) -> Point:
+        """Return the point at a value of the ladder from the results of its rounds."""
 
     @abstractmethod
     def reason_to_stop(self, point: Point) -> str:
@@ -132,9 +132,9 @@ class LadderCase(ABC, Generic[Answer]):
         """Return whether a level can be measured: the process runs, and no coarser point ends the ladder."""
         return self._worker is not None and self.outcome is Outcome.MEASURED and not self._reason_to_stop_before(level)
 
-    def add_point(self, level: int, answers: list[Answer]) -> None:
+    def add_point(self, level: int, results: list[RoundResult]) -> None:
         """Add the measurements of one level."""
-        point = self.point(self.ladder[level], answers)
+        point = self.point(self.ladder[level], results)
         if level < len(self.points):
             self.points[level] = joined(self.points[level], point)
         else:
@@ -248,18 +248,18 @@ class LadderCase(ABC, Generic[Answer]):
         self.end()
 
 
-Keep = Callable[[LadderCase[Any], float], None]
+StoreCase = Callable[[LadderCase[Any], float], None]
 """A function that stores a case after a level, given by its value."""
 
 
 def measure_ladder(
-    cases: Sequence[LadderCase[Any]], keep: Keep = lambda case, value: None, core: MeasuringCore | None = None
+    cases: Sequence[LadderCase[Any]], store: StoreCase = lambda case, value: None, core: MeasuringCore | None = None
 ) -> None:
     """Measure the remaining levels of each case in one pass.
 
     Args:
         cases: cases of one problem.
-        keep: called with a case and the value of a level after each level.
+        store: called with a case and the value of a level after each level.
         core: the measuring core; no pinning if None.
     """
     core = MeasuringCore(None) if core is None else core
@@ -271,7 +271,7 @@ def measure_ladder(
                 case.pin_to_core(core)
             for level in levels:
                 pending = [case for case in cases if level < len(case.ladder) and case.is_pending(level)]
-                _measure_level(pending, level, keep)
+                _measure_level(pending, level, store)
             for case in cases:
                 case.finish()
     finally:
@@ -302,25 +302,25 @@ def _begin(cases: Sequence[LadderCase[Any]]) -> None:
             raise
 
 
-def _measure_level(cases: Sequence[LadderCase[Any]], level: int, keep: Keep) -> None:
+def _measure_level(cases: Sequence[LadderCase[Any]], level: int, store: StoreCase) -> None:
     """Measure one level of all cases, with alternating rounds, and store each case after its last round."""
-    answers: list[list[Any]] = [[] for _ in cases]
+    results: list[list[Any]] = [[] for _ in cases]
     pending = list(range(len(cases)))
     while pending:
         for index in list(pending):
-            case, answers_of_case = cases[index], answers[index]
-            answer = case.measure(case.ladder[level], len(answers_of_case)) if case.is_open(level) else None
-            if answer is not None:
-                answers_of_case.append(answer)
-            if answer is None or not case.needs_round(answers_of_case):
+            case, results_of_case = cases[index], results[index]
+            result = case.measure(case.ladder[level], len(results_of_case)) if case.is_open(level) else None
+            if result is not None:
+                results_of_case.append(result)
+            if result is None or not case.needs_round(results_of_case):
                 pending.remove(index)
-                _store_level(case, level, answers_of_case, keep)
+                _store_level(case, level, results_of_case, store)
 
 
-def _store_level(case: LadderCase[Any], level: int, answers: list[Any], keep: Keep) -> None:
+def _store_level(case: LadderCase[Any], level: int, results: list[Any], store: StoreCase) -> None:
     """Store the measurements of one level, or that it was not attempted."""
-    if case.is_open(level) and answers:
-        case.add_point(level, answers)
+    if case.is_open(level) and results:
+        case.add_point(level, results)
     else:
         case.skip_point(level)
-    keep(case, case.ladder[level])
+    store(case, case.ladder[level])

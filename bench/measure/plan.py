@@ -36,16 +36,15 @@ DEFAULT_SOLVERS = (
 )
 """Solver variants that are measured by default."""
 
-
 SEQUENCE_SOLVERS = ("Robust", "SORprox", "NSGS", "InteriorPoint", "HybridNewton")
 """Solvers that are measured by default in the suite ``sequences``, with cold and with warm starts."""
 
-Measured = TypeVar("Measured", SolverSpec, Method)
+Subject = TypeVar("Subject", SolverSpec, Method)
 """The subject of a measurement: a solver, or a stepper with a solver."""
 
 
 @dataclass(frozen=True)
-class Plan(Generic[Measured]):
+class Plan(Generic[Subject]):
     """A plan, with the problems and solvers that it names.
 
     Attributes:
@@ -56,7 +55,7 @@ class Plan(Generic[Measured]):
 
     record: PlanRecord
     problems: tuple[str | ContactProblem, ...]
-    solvers: tuple[Measured, ...]
+    solvers: tuple[Subject, ...]
 
     def __repr__(self) -> str:
         record = self.record

@@ -12,9 +12,8 @@ from ..store.impulses import number_of, worst
 from ..store.outcome import Outcome
 from ..store.records import MAX_ANSWERS, Measured, Point, Round
 
-_RANKS = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}
-_OTHER_RANK = 2
-"""Ranks of outcomes from good to bad; other outcomes have ``_OTHER_RANK``."""
+_RANKS, _OTHER_RANK = {Outcome.SOLVED: 0, Outcome.RELAXED: 1, Outcome.WRONG: 3}, 2
+"""Ranks of outcomes from good to bad, and the rank of all other outcomes."""
 
 
 def keep_finest_impulses(points: Sequence[Point]) -> list[Point]:
@@ -37,9 +36,9 @@ def joined(before: Point, now: Point) -> Point:
     if before.measured is None or now.measured is None:
         return now if now.measured is not None else before
     if before.is_late_under_load is not now.is_late_under_load:
-        kept, measured = (now, now.measured) if before.is_late_under_load else (before, before.measured)
+        decisive, measured = (now, now.measured) if before.is_late_under_load else (before, before.measured)
         rounds = [*before.rounds, *now.rounds]
-        return replace(kept, measured=replace(measured, **times_from_rounds(rounds), rounds=rounds))
+        return replace(decisive, measured=replace(measured, **times_from_rounds(rounds), rounds=rounds))
     rank_before, rank_now = (_RANKS.get(point.outcome, _OTHER_RANK) for point in (before, now))
     worse = before if rank_before >= rank_now else now
     return replace(worse, measured=_joined(before.measured, now.measured))
@@ -71,12 +70,12 @@ def _joined(before: Measured, now: Measured) -> Measured:
 
 def times_from_rounds(rounds: Sequence[Round]) -> dict[str, Any]:
     """Return the fields of a point that follow from its rounds; times use excluded rounds only if all are excluded."""
-    kept = [timed for timed in rounds if not timed.excluded] or rounds
+    used_rounds = [timed for timed in rounds if not timed.excluded] or rounds
     columns = {
-        "prepare_seconds": [timed.prepare_seconds for timed in kept],
-        "solve_seconds": [timed.solve_seconds for timed in kept],
-        "total_seconds": [timed.total_seconds.median for timed in kept],
-        "processor_seconds": [timed.processor_seconds / timed.repeats for timed in kept],
+        "prepare_seconds": [timed.prepare_seconds for timed in used_rounds],
+        "solve_seconds": [timed.solve_seconds for timed in used_rounds],
+        "total_seconds": [timed.total_seconds.median for timed in used_rounds],
+        "processor_seconds": [timed.processor_seconds / timed.repeats for timed in used_rounds],
     }
     return {
         **{name: quartiles(np.array(values)) for name, values in columns.items()},

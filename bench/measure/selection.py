@@ -66,12 +66,12 @@ def select(
     """
     if problems is not None and not problems:
         raise BenchError("no problem is given; name at least one, or omit the problems to measure a suite.")
-    given, suite_name = (tuple(problems), "") if problems else _members(suite)
-    candidates, left_out, folders = _candidates(given)
+    sources, suite_name = (tuple(problems), "") if problems else _members(suite)
+    candidates, left_out, folders = _candidates(sources)
     loaded: dict[str, str | ContactProblem] = {}
     while candidates:
-        drawn = candidates if sample is None else _draw_sample(candidates, sample, seed, sampling)
-        reasons = _load_into(loaded, drawn)
+        sample_candidates = candidates if sample is None else _draw_sample(candidates, sample, seed, sampling)
+        reasons = _load_into(loaded, sample_candidates)
         if not reasons:
             break
         left_out += reasons.values()
@@ -79,7 +79,7 @@ def select(
         candidates = [candidate for candidate in candidates if candidate.name not in reasons]
     else:
         raise ProblemError(f"none of {len(left_out)} problem files can be measured; the first: {left_out[0]}")
-    families = {candidate.name: candidate.family for candidate in drawn}
+    families = {candidate.name: candidate.family for candidate in sample_candidates}
     if suite_name and folders:
         suite_name = folders[0]
     return Selection(tuple(loaded[name] for name in families), families, suite_name, tuple(left_out))
@@ -133,13 +133,13 @@ def _candidates(requested: Sequence[ProblemSource]) -> tuple[list[_Candidate], l
     """Return all given problems, the reasons for skipped files, and the names of the folders."""
     for item in requested:
         _require_problem(item)
-    known = set(problem_names())
+    known_names = set(problem_names())
     names = [item for item in requested if isinstance(item, str) and not is_path(item)]
-    check_known(name for name in names if not _is_folder(name, known))
+    check_known(name for name in names if not _is_folder(name, known_names))
     sources = {offer.name: offer.source for offer in plugin_problems()}
     candidates, left_out, folders = [], list[str](), list[str]()
     for item in requested:
-        if _is_folder(item, known):
+        if _is_folder(item, known_names):
             folder = list_folder(str(item))
             folders.append(folder.name)
             left_out += [reason for _, reason in folder.broken]
@@ -166,14 +166,14 @@ def _require_problem(source: object) -> None:
 
 def _draw_sample(candidates: Sequence[_Candidate], sample: int, seed: int, sampling: Sampling) -> list[_Candidate]:
     """Return a sample of the candidates, in their order."""
-    chosen = set(sampled({candidate.name: candidate.family for candidate in candidates}, sample, seed, sampling))
-    return [candidate for candidate in candidates if candidate.name in chosen]
+    names = set(sampled({candidate.name: candidate.family for candidate in candidates}, sample, seed, sampling))
+    return [candidate for candidate in candidates if candidate.name in names]
 
 
-def _load_into(loaded: dict[str, str | ContactProblem], drawn: Sequence[_Candidate]) -> dict[str, str]:
-    """Add drawn problems to ``loaded``; return the reasons why some cannot be read, by name."""
+def _load_into(loaded: dict[str, str | ContactProblem], candidates: Sequence[_Candidate]) -> dict[str, str]:
+    """Add the problems of candidates to ``loaded``; return the reasons why some cannot be read, by name."""
     reasons = {}
-    for candidate in drawn:
+    for candidate in candidates:
         try:
             if candidate.name not in loaded:
                 source = candidate.source

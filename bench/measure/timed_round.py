@@ -117,7 +117,7 @@ class TimedRound(Struct, frozen=True):
 
     @property
     def undisturbed_seconds(self) -> float:
-        """Median wall time of a solve, or the smaller of wall and processor time if the process was preempted [s]."""
+        """Median of ``undisturbed`` [s], without the first solve, unless it is the only one."""
         return float(np.median(_warm(self.undisturbed)))
 
     @property

@@ -157,13 +157,13 @@ def _describe_spec(name: str, pickled: bytes, error: type[ProxbenchError]) -> So
     return SolverSpec(
         answer["name"],
         model,
-        answer["shows"],
+        answer["has_iterates"],
         source,
         pickled,
-        is_randomised=answer["random"],
+        is_randomised=answer["is_randomised"],
         threads=int(answer["threads"]),
         files=files,
-        starts_warm=answer["warm"],
+        starts_warm=answer["starts_warm"],
     )
 
 
@@ -250,6 +250,7 @@ def _offers(file: PluginFile) -> dict[str, list[str]]:
 
 
 def _solver(name: str, pickled: bytes) -> dict[str, Any]:
+    """Create a solver by its name, or from a pickled object, and return its description."""
     if pickled:
         return _solver_description(_unpickled(pickled), "", [], [])
     solver, offer = registry.create(name), registry.find_offer(name)
@@ -269,15 +270,16 @@ def _scene_options(name: str) -> list[str]:
 
 
 def _solver_description(solver: Solver, source: str, options: list[str], native: list[str]) -> dict[str, Any]:
+    """Return the declarations of a solver as JSON values; raise ``BenchError`` if it violates the interface."""
     fault = form_fault(solver)
     if fault:
         raise BenchError(f"the solver {type(solver).__name__} violates the interface: {fault}.")
     return {
         "name": solver.name,
         "model": str(solver.model),
-        "shows": shows_iterates(solver),
-        "random": draws_randomly(solver),
-        "warm": starts_from_last_answer(solver),
+        "has_iterates": shows_iterates(solver),
+        "is_randomised": draws_randomly(solver),
+        "starts_warm": starts_from_last_answer(solver),
         "threads": threads_of(solver),
         "source": source,
         "options": options,

@@ -20,7 +20,7 @@ from ...problems.motion.scenes.registry import make_scene, parse_scene
 from ...problems.motion.scenes.scene import EndingRule, Observable, Scene, SceneEnding
 from ...problems.motion.state import State
 from ..errors import BenchError
-from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, invalid_answer_fault
+from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker
 from ..store.outcome import Outcome
 from .ball_records import read_balls
 from .body_records import read_bodies
@@ -98,7 +98,7 @@ class RemoteSystem(RenewedWorker):
             if bodies is not None and any(body >= bodies.n_bodies for body in record.driven_bodies):
                 raise ValueError("a driven body is out of range")
         except MALFORMED_ANSWER_ERRORS:
-            raise self._end_after_invalid_answer() from None
+            raise self.reject_answer() from None
         functions = record.functions
         return Scene(
             self._name,
@@ -136,24 +136,19 @@ class RemoteSystem(RenewedWorker):
         reason = f"it took longer than {self.seconds:g} s" if fault.outcome is Outcome.TIMEOUT else fault.reason
         return FailedSceneError(f"scene {self._name}: {reason}.")
 
-    def _end_after_invalid_answer(self) -> Exception:
-        """End the process, and return the error for an answer that cannot be read."""
-        self.close()
-        return self.failure(invalid_answer_fault())
-
     def _read(self, read: Callable[[Arrays], T], request: str, *arguments: Any) -> T:
         """Return the result of ``read`` for the arrays of an answer; if they are malformed, end the process."""
         _, content = self.ask(request, *arguments)
         try:
             return read(unpacked(content))
         except MALFORMED_ANSWER_ERRORS:
-            raise self._end_after_invalid_answer() from None
+            raise self.reject_answer() from None
 
     def _number(self, request: str, *arguments: Any) -> float:
         """Return the value of a scalar function of the scene."""
         _, content = self.ask("number", request, *arguments)
         if len(content) != NUMBER.size:
-            raise self._end_after_invalid_answer()
+            raise self.reject_answer()
         return float(NUMBER.unpack(content)[0])
 
     def _observable(self, index: int, record: ObservableRecord) -> Observable:
@@ -167,7 +162,7 @@ class RemoteSystem(RenewedWorker):
         try:
             return msgspec.convert(answer["ending"], SceneEnding | None)
         except MALFORMED_ANSWER_ERRORS:
-            raise self._end_after_invalid_answer() from None
+            raise self.reject_answer() from None
 
     def _exact(self, time: float) -> State:
         return self._read(lambda arrays: read_state(time, arrays, *self._sizes), "exact", time)

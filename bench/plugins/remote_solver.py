@@ -21,7 +21,7 @@ from ...problems.exchange.files.problem_file import problem_bytes, read_problem
 from ...solvers.contract import MAX_ITERATIONS, prepared_fault, reason_fault, solution_fault
 from ..errors import BenchError
 from ..isolation.child import MisbehaviourError, raise_fault
-from ..isolation.worker import INVALID_ANSWER, MEMORY_BYTES, REQUEST_SECONDS, Fault, RenewedWorker, invalid_answer_fault
+from ..isolation.worker import INVALID_ANSWER, MEMORY_BYTES, REQUEST_SECONDS, Fault, RenewedWorker
 from ..store.outcome import LATE_PREPARING, Outcome, late_reason
 from .descriptions import solver_spec
 from .solver_specs import SolverSpec
@@ -173,8 +173,7 @@ class RemotePrepared:
         iterations: Any = answer.get("observed_iterations")
         n_rows = self.problem.n_rows
         if answer_fault(answer) or not are_iterations(iterations) or len(content) != 8 * n_rows * (len(iterations) + 1):
-            self.solver.close()
-            raise self.solver.failure(invalid_answer_fault())
+            raise self.solver.reject_answer()
         rows = np.frombuffer(content, dtype=np.float64).reshape(len(iterations) + 1, n_rows)
         if observe is not None:
             for iteration, impulses in zip(iterations, rows[1:], strict=True):
@@ -192,8 +191,8 @@ def answer_fault(answer: dict[str, Any]) -> str | None:
 
 
 def are_iterations(values: Any) -> bool:
-    """Return whether ``numbers`` is a list of valid iteration numbers."""
-    return isinstance(values, list) and all(type(number) is int and 0 <= number <= MAX_ITERATIONS for number in values)
+    """Return whether ``values`` is a list of valid iteration numbers."""
+    return isinstance(values, list) and all(type(value) is int and 0 <= value <= MAX_ITERATIONS for value in values)
 
 
 @dataclass

@@ -186,6 +186,7 @@ def simulation_blueprint(
 
 
 def _blueprint(content: rrb.Container, timeline: str, frames: float) -> rrb.Blueprint:
+    """Return a blueprint that plays ``frames`` units of a timeline per second."""
     return rrb.Blueprint(
         content,
         rrb.TimePanel(state="collapsed", timeline=timeline, fps=frames, play_state="playing", loop_mode="off"),

@@ -22,7 +22,7 @@ from .contact_states import STATE_COLOURS, ContactState, States, contact_states,
 from .file import RecordingFile, write_curve
 
 MIN_RESIDUAL = 1e-16
-"""Lower bound of residuals on logarithmic curves."""
+"""Lower bound of the values of logarithmic curves."""
 
 BODIES, IMPULSES = "scene/bodies", "scene/impulses"
 """Entities of every simulation."""
@@ -61,7 +61,7 @@ Entities = Iterable[tuple[str, rr.AsComponents]]
 class SceneRecorder:
     """Record a finished simulation: curves of all steps, and the bodies and impulses of some.
 
-    Subclasses draw the bodies. A failed recording leaves no file behind, and does not change an existing observable.
+    Subclasses draw the bodies. A failed recording leaves no file behind, and does not change an existing file.
 
     Args:
         scene: the simulated scene.

@@ -25,10 +25,8 @@ from .blueprints import BODIES, ITERATION, Camera, solves_blueprint
 from .contact_points import Bodies, ContactPoints, find_contact_points
 from .contact_states import STATE_COLOURS, ContactState, contact_states, write_state_colours
 from .file import SUFFIX, RecordingFile, write_curve
+from .simulation import MIN_RESIDUAL
 from .traces import Trace, trace_solve
-
-MIN_RESIDUAL = 1e-16
-"""Lower bound of the values of curves, whose logarithms are shown."""
 
 MAX_GROWTH = 1e2
 """Bound of the curves of diverging solvers, relative to the largest initial value of any solver."""

@@ -8,7 +8,7 @@ import pandas as pd
 
 from ...problems.arrays import FloatArray
 from ...solvers.composite.warm import warm_name
-from ..store.frames import RunFrames
+from ..store.frames import CASE, RunFrames
 from ..store.outcome import Outcome
 from ..store.ratios import ALONE, EXCLUDED, MARGIN, STANDINGS, reaching, standings, times_by_point
 
@@ -74,9 +74,9 @@ def reachable_accuracies(wanted: Sequence[float], tolerances: Sequence[float]) -
 
 def accuracy_tag(accuracy: float) -> str:
     """Return an accuracy as written in the names of columns: ``"1e-04"``, ``"2.5e-04"``."""
-    written = (f"{accuracy:.{digits}e}" for digits in range(16))
+    texts = (f"{accuracy:.{digits}e}" for digits in range(16))
     return next(
-        (text for text in written if np.isclose(float(text), accuracy, rtol=TOLERANCE_ROUNDING, atol=0.0)),
+        (text for text in texts if np.isclose(float(text), accuracy, rtol=TOLERANCE_ROUNDING, atol=0.0)),
         f"{accuracy:e}",
     )
 
@@ -93,10 +93,7 @@ def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: fl
     """
     counted = reaching(points, max(levels, default=np.inf), limit)
     counted = counted[counted["total_seconds"].notna()]
-    times = {
-        level: counted[counted["residual"] <= level].groupby(["problem", "solver"])["total_seconds"].min()
-        for level in levels
-    }
+    times = {level: counted[counted["residual"] <= level].groupby(CASE)["total_seconds"].min() for level in levels}
     return pd.DataFrame(times, columns=list(levels))
 
 
@@ -109,7 +106,7 @@ def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf)
         limit: time limit of one solve [s].
     """
     reached = reaching(points, accuracy, limit).dropna(subset="total_seconds")
-    least = reached.sort_values("total_seconds", kind="stable").drop_duplicates(["problem", "solver"])
+    least = reached.sort_values("total_seconds", kind="stable").drop_duplicates(CASE)
     excluded = least[least["is_excluded"].astype(bool)]
     return set(zip(excluded["problem"], excluded["solver"], strict=True))
 
@@ -117,11 +114,13 @@ def excluded_cases(points: pd.DataFrame, accuracy: float, limit: float = np.inf)
 def ratios_table(frames: RunFrames) -> pd.DataFrame:
     """Return the standing of each solver on each problem at each of ``accuracies``, with intervals of the ratios.
 
-    A solver is compared with those that use the same number of threads; if there are none, its standing is "alone".
+    A solver is compared with those that use the same number of threads. If there is no other such solver, its standing
+    is "alone".
+
     Columns: problem, accuracy, and those of ``standings``. The table of a run over trajectories is empty.
     """
     points, rounds, limit = frames.points, frames.rounds, frames.info.plan.limits.solve_seconds
-    found = []
+    tables = []
     for problem in [] if frames.is_study else frames.cases["problem"].unique():
         own, times = points[points["problem"] == problem], times_by_point(rounds[rounds["problem"] == problem])
         by_threads = [own[own["solver"].isin(solvers)] for solvers in solvers_by_threads(frames).values()]
@@ -129,9 +128,9 @@ def ratios_table(frames: RunFrames) -> pd.DataFrame:
             groups = [standings(comparable, times, accuracy, limit) for comparable in by_threads]
             if len(groups) > 1:
                 groups = [group.assign(standing=ALONE) if len(group) == 1 else group for group in groups]
-            found += [group.assign(problem=problem, accuracy=accuracy) for group in groups]
+            tables += [group.assign(problem=problem, accuracy=accuracy) for group in groups]
     columns = ["problem", "accuracy", *STANDINGS]
-    return pd.concat(found, ignore_index=True)[columns] if found else pd.DataFrame(columns=columns)
+    return pd.concat(tables, ignore_index=True)[columns] if tables else pd.DataFrame(columns=columns)
 
 
 def solvers_by_threads(frames: RunFrames) -> dict[int, list[str]]:
@@ -185,9 +184,10 @@ def common_problems(cases: pd.DataFrame) -> set[str]:
 def attempts(frames: RunFrames, levels: Sequence[float]) -> pd.DataFrame:
     """Return one row per solver, problem of its ``counted_cases``, and accuracy of ``levels``, in the order of the run.
 
-    Columns: solver, model, problem, accuracy, seconds (the time to it, NaN if it is not reached), claimed (whether the
-    solver claims to reach it), common (whether all solvers of the table support the problem), excluded (whether the
-    time has only excluded rounds), compared (whether the problem is common, and no solver's time is excluded).
+    Columns: solver, model, problem, accuracy, seconds (the time to this accuracy, NaN if it is not reached), claimed
+    (whether the solver claims to reach it), common (whether all solvers of the table support the problem), excluded
+    (whether the time has only excluded rounds), compared (whether the problem is common, and no solver's time is
+    excluded).
     """
     cases = counted_cases(frames)
     common = common_problems(cases)
@@ -227,23 +227,23 @@ def summary_table(frames: RunFrames) -> pd.DataFrame:
     (mean_problems, own_problems) and of wrong claims (wrong). Means ignore excluded times; a common problem with an
     excluded time is omitted for all solvers.
     """
-    shown = summary_accuracies(frames)
-    tried = attempts(frames, shown)
+    levels = summary_accuracies(frames)
+    all_attempts = attempts(frames, levels)
     points, limit = frames.points, frames.info.plan.limits.solve_seconds
     rows = []
-    for (solver, model), own in tried.groupby(["solver", "model"], sort=False):
+    for (solver, model), own in all_attempts.groupby(["solver", "model"], sort=False):
         row: dict[str, Any] = {"solver": solver, "model": model, "problems": own["problem"].nunique()}
         row["common"] = own["problem"][own["common"]].nunique()
-        for accuracy in shown:
-            reached = own[own["accuracy"] == accuracy]
-            seconds = reached["seconds"]
-            parts = seconds[reached["compared"]], seconds[~reached["excluded"]]
-            means = [value for times in parts for value in (mean_time(times.to_numpy(), limit), len(times))]
-            values = (reached["claimed"].mean(), seconds.notna().mean(), *means)
+        for accuracy in levels:
+            own_attempts = own[own["accuracy"] == accuracy]
+            seconds = own_attempts["seconds"]
+            time_groups = seconds[own_attempts["compared"]], seconds[~own_attempts["excluded"]]
+            means = [value for times in time_groups for value in (mean_time(times.to_numpy(), limit), len(times))]
+            values = (own_attempts["claimed"].mean(), seconds.notna().mean(), *means)
             row |= dict(zip(_accuracy_columns(accuracy), values, strict=True))
         row["wrong"] = int(((points["solver"] == solver) & (points["outcome"] == Outcome.WRONG)).sum())
         rows.append(row)
-    columns = [name for accuracy in shown for name in _accuracy_columns(accuracy)]
+    columns = [name for accuracy in levels for name in _accuracy_columns(accuracy)]
     return pd.DataFrame(rows, columns=["solver", "model", "problems", "common", *columns, "wrong"])
 
 
@@ -252,8 +252,8 @@ def families(frames: RunFrames) -> list[str]:
 
     The list is empty if there is only one family, or one per problem.
     """
-    found = list(dict.fromkeys(frames.cases["family"]))
-    return found if 1 < len(found) < frames.cases["problem"].nunique() else []
+    names = list(dict.fromkeys(frames.cases["family"]))
+    return names if 1 < len(names) < frames.cases["problem"].nunique() else []
 
 
 def families_table(frames: RunFrames) -> pd.DataFrame:
@@ -301,16 +301,16 @@ def _compare_starts(pairs: pd.DataFrame) -> dict[str, float]:
         pairs: cold and warm points of one solver, family and tolerance, with the suffixes "_cold" and "_warm".
     """
     solved = {start: pairs[f"outcome_{start}"] == Outcome.SOLVED for start in ("cold", "warm")}
-    both = pairs[solved["cold"] & solved["warm"]]
-    timed = both[~(both["is_excluded_cold"].astype(bool) | both["is_excluded_warm"].astype(bool))]
+    solved_pairs = pairs[solved["cold"] & solved["warm"]]
+    timed = solved_pairs[~solved_pairs[["is_excluded_cold", "is_excluded_warm"]].astype(bool).any(axis=1)]
     cold, warm = (np.log(timed[f"total_seconds_{start}"].to_numpy(dtype=float)) for start in ("cold", "warm"))
     means = [float(np.exp(values.mean())) if len(values) else float("nan") for values in (cold, warm, cold - warm)]
     return {
         "problems": len(pairs),
         "cold_solved": int(solved["cold"].sum()),
         "warm_solved": int(solved["warm"].sum()),
-        "cold_iterations": float(both["iterations_cold"].mean()),
-        "warm_iterations": float(both["iterations_warm"].mean()),
+        "cold_iterations": float(solved_pairs["iterations_cold"].mean()),
+        "warm_iterations": float(solved_pairs["iterations_warm"].mean()),
         "timed": len(timed),
         "cold_seconds": means[0],
         "warm_seconds": means[1],

@@ -26,6 +26,11 @@ def duration(seconds: float) -> str:
     return f"{seconds / 1e-6:.2g} µs"
 
 
+def _number_texts(values: "pd.Series[float]", form: str) -> list[str]:
+    """Return numbers as text in the format ``form``, such as ``".2g"``, with dashes for those that are not finite."""
+    return [f"{value:{form}}" if np.isfinite(value) else "–" for value in values]
+
+
 def exponent(tolerance: float) -> str:
     """Return a tolerance with its significant digits: ``"1e-4"``, ``"2.5e-4"``."""
     return np.format_float_scientific(tolerance, precision=3, trim="-", exp_digits=1)
@@ -58,17 +63,24 @@ def shown_ratios(ratios: pd.DataFrame) -> pd.DataFrame:
     shown.insert(1, "to", ratios["accuracy"].map(accuracy_tag))
     shown.insert(3, "time", ratios["seconds"].map(duration))
     for position, heading in enumerate(("ratio", "low", "high"), 4):
-        shown.insert(position, heading, [f"{value:.3g}" if np.isfinite(value) else "–" for value in ratios[heading]])
+        shown.insert(position, heading, _number_texts(ratios[heading], ".3g"))
     return shown
 
 
 def shown_results(
     results: pd.DataFrame, standings: Mapping[tuple[Any, str], str], is_study: bool = False, bold: str = "{}"
 ) -> pd.DataFrame:
-    """Return results as text: times that may be the fastest have a mark, and ``bold`` formats the fastest.
+    """Return results as text, with marks of times that are excluded or may be the fastest.
 
-    The column *threads* is shown if a solver declares several; it shows both numbers if the solver uses fewer. The
-    column *by model* shows the residual by the model of each solver, unless all solvers use Coulomb's law.
+    The column *threads* is shown if a solver declares several threads. It shows both numbers if the solver uses fewer.
+    The column *by model*, which studies lack, shows the residual under the model of each solver, unless all solvers use
+    Coulomb's law.
+
+    Args:
+        results: as ``results_table`` returns it.
+        standings: standing of each time, as ``standings_of_cells`` returns it.
+        is_study: whether the results are those of a study, whose residuals are errors and iterations are solves.
+        bold: format of the fastest times, with {} for the time.
     """
     times = time_columns(results)
     headings = {"n_contacts": "contacts", "iterations": "iter.", "outcome": "ended", "reason": "why"}
@@ -88,7 +100,7 @@ def shown_results(
         shown.insert(list(shown.columns).index("residual") + 1, "by model", model_residuals)
     for heading, form in (("residual", ".0e"), ("by model", ".0e"), ("iter.", ".0f")):
         if heading in shown:
-            shown[heading] = [f"{value:{form}}" if np.isfinite(value) else "–" for value in shown[heading]]
+            shown[heading] = _number_texts(shown[heading], form)
     if is_study:
         return shown.drop(columns=["contacts", "family"]).rename(columns={"residual": "error", "iter.": "solves"})
     return shown
@@ -103,17 +115,16 @@ def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     """Return the points of a study as text."""
     shown = pd.DataFrame({"problem": points["problem"], "solver": points["solver"]})
     for heading, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
-        shown[heading] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in points[key]]
+        shown[heading] = _number_texts(points[key], ".2g")
     shown.insert(3, "quantity", points["quantity"].fillna("–"))
-    excluded = points["is_excluded"].eq(True).fillna(False)  # missing if nothing was measured
-    walls = zip(points["total_seconds"], excluded, strict=True)
+    walls = zip(points["total_seconds"], points["is_excluded"].eq(True), strict=True)  # missing values are not True
     shown["wall"] = [duration(wall) + (EXCLUDED_MARK if is_excluded else "") for wall, is_excluded in walls]
     shown["CPU"] = [duration(seconds) for seconds in points["processor_seconds"]]
     counts = {"solves": "iterations", "members": "repeats", "failed": "failed_members", "missed": "unsolved_steps"}
     if (points["overlapping_steps"] > 0).any():
         counts["overlaps"] = "overlapping_steps"
     for heading, key in counts.items():
-        shown[heading] = [f"{value:.0f}" if np.isfinite(value) else "–" for value in points[key]]
+        shown[heading] = _number_texts(points[key], ".0f")
     return shown.assign(why=points["reason"])
 
 
@@ -123,11 +134,16 @@ def shown_summary(summary: pd.DataFrame, tag: str = "") -> pd.DataFrame:
     for level in [tag] if tag else summary_tags(summary):
         suffix = "" if tag else f" {level}"
         for heading, share in (("claimed", f"success_{level}"), ("confirmed", f"correct_{level}")):
-            pairs = zip(summary[share], summary["problems"], strict=True)
-            shown[heading + suffix] = [f"{round(value * number)}/{number}" for value, number in pairs]
+            shown[heading + suffix] = solved_texts(summary, share)
         for heading, key in shown_means(summary).items():
             shown[heading + suffix] = mean_texts(summary, key, level)
     return shown.assign(wrong=summary["wrong"])
+
+
+def solved_texts(summary: pd.DataFrame, share: str) -> list[str]:
+    """Return the numbers of solved and of all problems as text, ``"3/5"``, given the column of their ratio."""
+    pairs = zip(summary[share], summary["problems"], strict=True)
+    return [f"{round(value * number)}/{number}" for value, number in pairs]
 
 
 def mean_texts(summary: pd.DataFrame, key: str, tag: str) -> list[str]:
@@ -149,7 +165,7 @@ def shown_problems(problems: pd.DataFrame) -> pd.DataFrame:
         cells = zip(problems[key], problems["solvers"], problems[f"time_{tag}"], strict=True)
         shown[tag] = [f"{number}/{n_solvers} {duration(seconds)}" for number, n_solvers, seconds in cells]
         fastest = problems[f"fastest_{tag}"].where(problems[f"fastest_{tag}"] != "", fastest)
-    shown["residual"] = [f"{value:.0e}" if np.isfinite(value) else "–" for value in problems["residual"]]
+    shown["residual"] = _number_texts(problems["residual"], ".0e")
     return shown.assign(solver=fastest)
 
 
@@ -162,13 +178,13 @@ def shown_families(solvers: Sequence[str], table: pd.DataFrame, tags: Sequence[s
         tags: accuracies to show; all of ``table`` if empty.
     """
     rows: dict[str, dict[str, str]] = {solver: {} for solver in solvers if solver in set(table["solver"])}
-    chosen, headings = tags or summary_tags(table), dict[str, None]()
-    means = {tag: mean_texts(table, "mean_time", tag) for tag in chosen}
+    shown_tags, headings = tags or summary_tags(table), dict[str, None]()
+    means = {tag: mean_texts(table, "mean_time", tag) for tag in shown_tags}
+    solved = {tag: solved_texts(table, f"correct_{tag}") for tag in shown_tags}
     for index, row in enumerate(table.to_dict("records")):
-        for tag in chosen:
-            heading = row["family"] if len(chosen) == 1 else f"{row['family']} {tag}"
-            solved = round(row[f"correct_{tag}"] * row["problems"])
-            rows[row["solver"]][heading] = f"{solved}/{row['problems']} {means[tag][index]}"
+        for tag in shown_tags:
+            heading = row["family"] if len(shown_tags) == 1 else f"{row['family']} {tag}"
+            rows[row["solver"]][heading] = f"{solved[tag][index]} {means[tag][index]}"
             headings[heading] = None
     cells = [
         {"solver": solver, **{heading: row.get(heading, "–") for heading in headings}} for solver, row in rows.items()
@@ -183,10 +199,9 @@ def shown_starts(starts: pd.DataFrame) -> pd.DataFrame:
         counts = zip(starts[f"{start}_solved"], starts["problems"], strict=True)
         shown[f"{start} solved"] = [f"{solved}/{total}" for solved, total in counts]
     for start in ("cold", "warm"):
-        means = starts[f"{start}_iterations"]
-        shown[f"{start} iter."] = [f"{value:.3g}" if np.isfinite(value) else "–" for value in means]
+        shown[f"{start} iter."] = _number_texts(starts[f"{start}_iterations"], ".3g")
     for start in ("cold", "warm"):
         shown[start] = [duration(value) for value in starts[f"{start}_seconds"]]
-    shown["gain"] = [f"{value:.2g}" if np.isfinite(value) else "–" for value in starts["gain"]]
+    shown["gain"] = _number_texts(starts["gain"], ".2g")
     counts = zip(starts["slower"], starts["timed"], strict=True)
     return shown.assign(slower=[f"{slower}/{timed}" for slower, timed in counts])

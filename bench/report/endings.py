@@ -5,16 +5,13 @@ from typing import Any
 import pandas as pd
 
 from ...problems.contact.solver import Status
-from ..store.frames import RunFrames
+from ..store.frames import CASE, RunFrames
 from ..store.outcome import Outcome, claim_reason
 from ..store.plans import Limits
 from .accuracy import accuracy_tag
 from .layout.text import counted
 
-CASE = ["problem", "solver"]
-"""Columns that identify a case."""
-
-POINT = ["tolerance", "outcome", "reason", "status", "model_residual", "notes"]
+_POINT_COLUMNS = ["tolerance", "outcome", "reason", "status", "model_residual", "notes"]
 """Columns of a point on which the ending of its case depends."""
 
 
@@ -31,21 +28,21 @@ def case_endings(frames: RunFrames) -> pd.DataFrame:
     finest attempted point), reason, and notes (of the finest point with notes).
     """
     ladders: dict[tuple[str, str], list[dict[Any, Any]]] = {}
-    for point in attempted_points(frames)[[*CASE, *POINT]].to_dict("records"):  # a data frame per case is slow
+    for point in attempted_points(frames)[[*CASE, *_POINT_COLUMNS]].to_dict("records"):  # a data frame per case is slow
         ladders.setdefault((point["problem"], point["solver"]), []).append(point)
     rows = []
     for case in frames.cases[[*CASE, "outcome", "reason", "model", "is_tried"]].to_dict("records"):
         ladder = ladders.get((case["problem"], case["solver"]), [])
-        noted = [point for point in ladder if point["notes"] != ""]
-        rows.append((*_ending(case, ladder), f"{_prefix(noted[-1])}{noted[-1]['notes']}" if noted else ""))
+        last = next((point for point in reversed(ladder) if point["notes"] != ""), None)
+        rows.append((*_ending(case, ladder), f"{_prefix(last)}{last['notes']}" if last else ""))
     return pd.DataFrame(rows, columns=["outcome", "reason", "notes"], index=frames.cases.index)
 
 
 def join_texts(reason: str, notes: str) -> str:
     """Join the reason and the notes of a case or point, and omit the tolerance of the notes if the reason has it."""
-    prefix, separator, rest = notes.partition(": ")
+    prefix, separator, notes_without_prefix = notes.partition(": ")
     has_prefix = separator and reason.startswith(f"{prefix}: ")
-    return "; ".join(filter(None, (reason, rest if has_prefix else notes)))
+    return "; ".join(filter(None, (reason, notes_without_prefix if has_prefix else notes)))
 
 
 def limit_remedies(outcomes: "pd.Series[str]", limits: Limits) -> list[str]:

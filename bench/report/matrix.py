@@ -25,7 +25,7 @@ MARKS = {
     Outcome.ITERATION_LIMIT: "I",
     Outcome.TIME_LIMIT: "T",
 }
-"""One character for each ending; faults have none and are spelled out."""
+"""One character for each ending; faults, wrong claims and other endings are spelled out."""
 
 MAX_NAMED_SOLVERS = 4
 """Largest number of solvers that the table of reasons names; if there are more, it names one fewer and a count."""
@@ -34,6 +34,7 @@ MAX_REASON_LENGTH = 160
 """Largest number of characters of a reason; longer ones are reduced to the first and the last two clauses."""
 
 _NONE_BAD = "No solver makes a wrong claim, returns numbers that are not finite, crashes, hangs or misbehaves."
+"""Sentence below the table of outcomes if no cell is bad, see ``count_bad``."""
 
 _PAGE = """\
 # What each solver can solve
@@ -54,6 +55,7 @@ Every outcome except solved and infeasible has a reason. The numbers in a reason
 this reason.
 
 {reasons}"""
+"""The page; ``grid`` is one of the two sections that follow."""
 
 _FAMILIES = """\
 ## Solved problems by family
@@ -62,6 +64,7 @@ Each column counts the problems of a family that the solver solves, out of those
 it supports none. [{table}]({table}) contains the result of every solver on every problem.
 
 {counts}"""
+"""Section of counts by family, for a page with a link to the table of all cells."""
 
 _GRID = """\
 ## Which solver solves which problem
@@ -71,6 +74,7 @@ D diverges, S stalls, I iteration limit, T time limit. The number after a failur
 judged residual.
 
 {cells}"""
+"""Section that shows all cells."""
 
 
 def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: str = "", table: str = "") -> str:
@@ -123,14 +127,14 @@ def _summary(frame: pd.DataFrame) -> str:
     rows = []
     for solver, own in frame.groupby("solver", sort=False):
         counts = own["outcome"].value_counts()
-        others = [
+        other_outcomes = [
             f"{counts[outcome]} {outcome}"
             for outcome in Outcome
             if outcome in counts.index and outcome != Outcome.SOLVED
         ]
         n_infinite = int((~own["is_finite"]).sum())
-        others += [f"{n_infinite} not finite"] if n_infinite else []
-        rows.append([f"`{solver}`", counts.get(Outcome.SOLVED, 0), ", ".join(others)])
+        other_outcomes += [f"{n_infinite} not finite"] if n_infinite else []
+        rows.append([f"`{solver}`", counts.get(Outcome.SOLVED, 0), ", ".join(other_outcomes)])
     table = markdown_table(["solver", "solved", "other outcomes"], rows)
     has_bad_outcome = frame["outcome"].isin(BAD_OUTCOMES).any() or not frame["is_finite"].all()
     return table if has_bad_outcome else f"{table}\n{_NONE_BAD}\n"
@@ -153,15 +157,14 @@ def _family_counts(frame: pd.DataFrame) -> str:
 def _grid(frame: pd.DataFrame) -> str:
     """Return the numbered solvers, and a table of the marks of all cells for each family."""
     solvers = frame["solver"].unique()
-    solver_numbers = range(1, len(solvers) + 1)
-    text = "".join(f"{number}. `{solver}`\n" for number, solver in zip(solver_numbers, solvers, strict=True))
+    text = "".join(f"{number}. `{solver}`\n" for number, solver in enumerate(solvers, 1))
     cells = frame.to_dict("records")
     marks = {(cell["problem"], cell["solver"]): _mark(cell["outcome"], cell["residual"]) for cell in cells}
     names = frame["problem"].drop_duplicates()
     for group, members in names.groupby(names.map(_family), sort=False):
         rows = [[name, *(marks.get((name, solver), "") for solver in solvers)] for name in members]
         text += f"\n**{group}**\n\n" if group else "\n\n\n"
-        text += markdown_table(["problem", *solver_numbers], rows)
+        text += markdown_table(["problem", *range(1, len(solvers) + 1)], rows)
     return text
 
 
@@ -184,8 +187,8 @@ def _outcome_text(cell: Cell) -> str:
 
 def _residual_order(outcome: Outcome, residual: float) -> int | None:
     """Return the power of ten of a failure's residual; None for other endings and without a residual."""
-    is_plain = outcome in (Outcome.SOLVED, Outcome.UNSUPPORTED, Outcome.INFEASIBLE)
-    return None if is_plain or not 0.0 < residual < math.inf else math.floor(math.log10(residual))
+    has_no_order = outcome in (Outcome.SOLVED, Outcome.UNSUPPORTED, Outcome.INFEASIBLE)
+    return None if has_no_order or not 0.0 < residual < math.inf else math.floor(math.log10(residual))
 
 
 def _unsolved(frame: pd.DataFrame, tolerance: float) -> str:
@@ -200,11 +203,12 @@ def _unsolved(frame: pd.DataFrame, tolerance: float) -> str:
 
 
 def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
-    nearest = f"{best['solver']} comes nearest, to {best['residual']:.1e}: {best['reason']}."
+    """Return why no solver solves a problem, of which ``best`` is the cell with the smallest judged residual."""
+    nearest_text = f"{best['solver']} comes nearest, to {best['residual']:.1e}: {best['reason']}."
     try:
         problem = load(name)
     except ProxbenchError:  # a run may contain problems that are in no catalogue
-        return nearest
+        return nearest_text
     answer = problem.answer
     if answer is not None and not answer.solvable:
         return "it has no solution, and no solver claims one."
@@ -215,7 +219,7 @@ def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
                 f"the known solution itself, rounded to double precision, has a residual of {floor:.1e}; "
                 f"{best['solver']} reaches {best['residual']:.1e}."
             )
-    return nearest
+    return nearest_text
 
 
 def _reasons(frame: pd.DataFrame) -> str:

@@ -21,7 +21,7 @@ import pandas as pd
 
 from ...problems.errors import suggestion
 from ..errors import BenchError
-from ..store.frames import RunFrames
+from ..store.frames import CASE, RunFrames
 from ..store.ratios import reaching
 from .accuracy import (
     common_problems,
@@ -52,6 +52,7 @@ COMMON, EVERY = VIEWS = ("common", "all")
 """Problems that profiles cover: those that all solvers support, or all. Solvers that support none do not count."""
 
 _LABELS = ["accuracy", "family", "view"]
+"""Columns that identify a profile of times: its judged residual, family and view."""
 
 _COLUMNS = {
     "performance": [*_LABELS, "solver", "ratio", "share", "problems"],
@@ -92,7 +93,7 @@ def residual_matrix(frames: RunFrames) -> pd.DataFrame:
 
 def _matrix(frames: RunFrames, points: pd.DataFrame, column: str) -> pd.DataFrame:
     solvers = [name for name in frames.info.plan.solvers if name in set(frames.cases["solver"])]
-    minima = points.groupby(["problem", "solver"], sort=False)[column].min().unstack("solver")
+    minima = points.groupby(CASE, sort=False)[column].min().unstack("solver")
     return minima.reindex(index=pd.Index(frames.cases["problem"].unique(), name="problem"), columns=solvers)
 
 

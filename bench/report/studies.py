@@ -8,13 +8,10 @@ from rich.text import Text
 from ...problems.motion.trajectories.pour import UNITS
 from ...problems.motion.trajectories.problem import Aggregates
 from ..store.condition import EXCLUDED_MARK
-from ..store.frames import RunFrames
+from ..store.frames import POINT, RunFrames
 from ..store.plans import PlanRecord, TrajectoryRecord
 from .layout.terminal_table import print_table, wrap_note
 from .layout.text import overlap_words
-
-_POINT = ("problem", "solver", "tolerance")
-"""Columns that identify a point."""
 
 _COSTS = (
     "total_seconds",
@@ -31,11 +28,11 @@ _COSTS = (
 """Columns of a point that do not depend on the quantity."""
 
 MIN_MOTION = 1e-6
-"""Longest path of a coordinate, relative to the scale of errors, below which a motion counts as rest."""
+"""Largest displacement of a coordinate, relative to the scale of errors, up to which a motion counts as rest."""
 
 ERROR_MEANINGS = {
     "limit cycle": "error after one period of the limit cycle, over the range of each coordinate",
-    "end position": "error of the last position, over the longest path of a coordinate",
+    "end position": "error of the last position, over the largest displacement, at least the length of the scene",
     "aggregates": "relative deviation of means over the second half from those of the reference",
 }
 """Meaning of an error, by its kind."""
@@ -45,13 +42,12 @@ def points_table(frames: RunFrames) -> pd.DataFrame:
     """Return one row for each point and quantity, or for each point without a result.
 
     Columns: problem, solver, tolerance (the value of the ladder: a step [s] or a tolerance), quantity, error, low
-    and high (ends of its bar), total_seconds and processor_seconds (median times of the steps [s]; NaN if unknown),
-    is_excluded (whether the point has only excluded rounds), iterations (median of one-step solves), repeats (members
-    that finished), failed_members, unsolved_steps, overlapping_steps, outcome, reason.
+    and high (ends of its error bar), total_seconds and processor_seconds (median times of the steps [s]; NaN if
+    unknown), is_excluded (whether the point has only excluded rounds), iterations (median number of one-step solves),
+    repeats (number of members that finished), failed_members, unsolved_steps, overlapping_steps, outcome, reason.
     """
-    return frames.points[[*_POINT, *_COSTS]].merge(frames.errors, how="left", on=list(_POINT))[
-        [*_POINT, "quantity", "error", "low", "high", *_COSTS]
-    ]
+    table = frames.points[[*POINT, *_COSTS]].merge(frames.errors, how="left", on=POINT)
+    return table[[*POINT, "quantity", "error", "low", "high", *_COSTS]]
 
 
 def headline(plan: PlanRecord, problem: str) -> str:
@@ -61,7 +57,7 @@ def headline(plan: PlanRecord, problem: str) -> str:
 
 
 def motion_warning(trajectory: TrajectoryRecord) -> str:
-    """Return a warning if no coordinate of the reference changes, otherwise an empty text."""
+    """Return a warning if the reference ends where it starts, so that errors have no scale; otherwise an empty text."""
     if trajectory.displacement is None or trajectory.displacement > MIN_MOTION * trajectory.scale:
         return ""
     return (

@@ -11,12 +11,13 @@ from rich.text import Text
 
 from ...problems.contact.model import Model
 from ..store.condition import residual_note, run_state, steadiness, warnings
-from ..store.frames import JUDGED, RunFrames
+from ..store.frames import CASE, JUDGED, RunFrames
 from ..store.outcome import FAULTS, Cell, Outcome
 from .accuracy import (
     accuracies,
     accuracy_tag,
     compares_all,
+    excluded_cases,
     excluded_times,
     families,
     families_table,
@@ -41,7 +42,7 @@ from .cells import (
     summary_tags,
     time_columns,
 )
-from .endings import CASE, attempted_points, case_endings, join_texts, limit_remedies
+from .endings import attempted_points, case_endings, join_texts, limit_remedies
 from .layout.output_file import write_file
 from .layout.terminal_table import column_groups, print_table, wrap_note
 from .layout.text import counted, csv_content, inline, latex_table, markdown_frame
@@ -66,8 +67,8 @@ _FAMILIES = (
 )
 """Legend of the table by family."""
 
-_FEWER = "(n): over n of them, because times of the others are excluded; –: over none."
-"""Continuation of legends if excluded times reduce the problems of a mean."""
+_EXCLUDED_TIMES = "(n): over n of them, because times of the others are excluded; –: over none."
+"""Continuation of legends if a mean omits problems because their times are excluded."""
 
 _STARTS = (
     "From zero (cold) and from the answer to the step before (warm): solved steps, and over those solved both ways the "
@@ -89,19 +90,16 @@ def results_table(frames: RunFrames) -> pd.DataFrame:
     Coulomb's law), model_residual (by the model of the solver) and iterations (all of the best solve), outcome, reason,
     notes (of the finest point with notes).
     """
-    times = times_to_accuracies(frames.points, accuracies(frames), frames.info.plan.limits.solve_seconds)
+    levels, limit = accuracies(frames), frames.info.plan.limits.solve_seconds
+    times = times_to_accuracies(frames.points, levels, limit)
     cases = frames.cases[list(_CASE_COLUMNS)]
     names = list(zip(cases["problem"], cases["solver"], strict=True))
     seconds = {
         TIME + accuracy_tag(accuracy): pd.Series(times[accuracy].to_dict(), dtype=float).reindex(names).to_numpy()
-        for accuracy in accuracies(frames)
+        for accuracy in levels
     }
-    excluded_rows = excluded_times(frames)
-    excluded_cells = set(
-        zip(excluded_rows["problem"], excluded_rows["solver"], excluded_rows["accuracy"].map(accuracy_tag), strict=True)
-    )
-    tags = [accuracy_tag(accuracy) for accuracy in accuracies(frames)]
-    excluded = [" ".join(tag for tag in tags if (*name, tag) in excluded_cells) for name in names]
+    cases_by_tag = {accuracy_tag(accuracy): excluded_cases(frames.points, accuracy, limit) for accuracy in levels}
+    excluded = [" ".join(tag for tag, cases_of_tag in cases_by_tag.items() if name in cases_of_tag) for name in names]
     trusted = attempted_points(frames)
     trusted = trusted[trusted["outcome"] != Outcome.WRONG]
     by_model = trusted["model_residual"].where(trusted["model"] != str(Model.COULOMB), trusted["residual"])
@@ -194,8 +192,8 @@ def print_tables(frames: RunFrames, console: Console) -> None:
         _print_problems(frames, results, console)
     else:
         unsolved = tuple(outcome for outcome in Outcome if outcome != Outcome.SOLVED)
-        noted = (*FAULTS, Outcome.UNSUPPORTED) if frames.is_study else unsolved
-        _print_each_problem(frames, results, console, noted)
+        explained_outcomes = (*FAULTS, Outcome.UNSUPPORTED) if frames.is_study else unsolved
+        _print_each_problem(frames, results, console, explained_outcomes)
     summary = pd.DataFrame() if frames.is_study else summary_table(frames)
     if len(summary):
         if families(frames):
@@ -218,8 +216,13 @@ def _standings(frames: RunFrames) -> pd.DataFrame:
     return excluded_times(frames) if frames.is_study else ratios_table(frames)
 
 
-def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Console, noted: Sequence[Outcome]) -> None:
-    """Print a table of each problem, and below it the cases with an outcome in ``noted`` and the notes of others."""
+def _print_each_problem(
+    frames: RunFrames, results: pd.DataFrame, console: Console, explained_outcomes: Sequence[Outcome]
+) -> None:
+    """Print a table of each problem, the reasons of cases with these outcomes, and the notes of all cases.
+
+    Without outcomes, print only the tables.
+    """
     ratios = _standings(frames)
     for problem, rows in results.groupby("problem", sort=False):
         standings = standings_of_cells(rows, ratios)
@@ -229,11 +232,11 @@ def _print_each_problem(frames: RunFrames, results: pd.DataFrame, console: Conso
         optional = ("iter.", "solves", "by model", "residual", "error", "ended")
         fastest = {cell for cell, standing in standings.items() if standing == "fastest"}
         print_table(console, shown, left_aligned=("model", "ended"), optional=optional, bold=fastest)
-        for row in rows.to_dict("records") if noted else ():
-            has_note = row["outcome"] in noted
-            text = join_texts(row["reason"] if has_note else "", row["notes"])
+        for row in rows.to_dict("records") if explained_outcomes else ():
+            is_explained = row["outcome"] in explained_outcomes
+            text = join_texts(row["reason"] if is_explained else "", row["notes"])
             if text:
-                note = f"{row['solver']}: {row['outcome']}, {text}" if has_note else f"{row['solver']}: {text}"
+                note = f"{row['solver']}: {row['outcome']}, {text}" if is_explained else f"{row['solver']}: {text}"
                 console.print(Text(wrap_note(note, console.width), style="dim"))
         console.print()
         if frames.is_study:
@@ -252,9 +255,9 @@ def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) 
     for row in results[results["outcome"].isin((*FAULTS, Outcome.WRONG))].to_dict("records"):
         note = f"{row['problem']}, {row['solver']}: {row['outcome']}, {row['reason']}"
         console.print(Text(wrap_note(note, console.width), style="dim"))
-    noted = int((results["notes"] != "").sum())
-    if noted:
-        console.print(Text(f"{counted(noted, 'case')} with notes: see tables/results", style="dim"))
+    n_with_notes = int((results["notes"] != "").sum())
+    if n_with_notes:
+        console.print(Text(f"{counted(n_with_notes, 'case')} with notes: see tables/results", style="dim"))
     console.print(Text(f"for a single problem: proxbench report {frames.folder} --problem NAME", style="dim"))
     console.print()
 
@@ -298,7 +301,7 @@ def _headline(frames: RunFrames, problem: str, contacts: int) -> str:
 
 
 def _legend(frames: RunFrames, headings: list[str], summary: pd.DataFrame) -> str:
-    """Return the legend of the printed tables; ``heads`` are those of the columns of times."""
+    """Return the legend of the printed tables; ``headings`` are those of the columns of times."""
     columns = f"Columns {headings[0]} to {headings[-1]} give" if len(headings) > 1 else f"Column {headings[0]} gives"
     if frames.is_study:
         return f"{columns} the least median time of a simulation, to that error; – means never reached."
@@ -312,7 +315,6 @@ def _summary_legend(summary: pd.DataFrame) -> str:
     """Return the legend of a summary that is not empty."""
     common = int(summary["common"].iloc[0])
     own = "own mean: over all problems that the solver supports."
-    fewer = f" {_FEWER}"
     if compares_all(summary):
         means = f"mean: shifted geometric mean time over {counted(common, 'problem')}, failures at the time limit."
     elif common:
@@ -324,12 +326,12 @@ def _summary_legend(summary: pd.DataFrame) -> str:
         means = f"no problem is supported by all these solvers, so means are not comparable; {own}"
     return (
         "claimed: supported problems that the solver claims to solve; confirmed: those that the judge confirms; "
-        f"{means}{fewer if _has_fewer(summary) else ''}"
+        f"{means}{f' {_EXCLUDED_TIMES}' if _has_excluded_times(summary) else ''}"
     )
 
 
 def _family_legend(table: pd.DataFrame) -> str:
-    return f"{_FAMILIES} {_FEWER}" if _has_fewer(table) else _FAMILIES
+    return f"{_FAMILIES} {_EXCLUDED_TIMES}" if _has_excluded_times(table) else _FAMILIES
 
 
 def _markdown_head(frames: RunFrames) -> str:
@@ -337,8 +339,8 @@ def _markdown_head(frames: RunFrames) -> str:
     return "".join(f"{inline(sentence)}\n\n" for sentence in run_state(frames))
 
 
-def _has_fewer(summary: pd.DataFrame) -> bool:
-    """Return whether excluded times reduce the problems of a mean."""
+def _has_excluded_times(summary: pd.DataFrame) -> bool:
+    """Return whether a mean omits problems because their times are excluded."""
     return any(
         (summary[f"{number}_{tag}"] < summary[total]).any()
         for tag in summary_tags(summary)

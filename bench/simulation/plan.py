@@ -245,6 +245,7 @@ def _check_seconds(seconds: float) -> None:
 
 
 def _check_numbers(plan: SimulationPlan) -> None:
+    """Raise ``BenchError`` if a number of a plan is out of range, or its start does not suit solver and stepper."""
     if not 0.0 < plan.duration < math.inf:
         raise BenchError(f"`duration` must be positive and finite, got {plan.duration:g}; omit it for the default.")
     if not 0.0 < plan.tolerance < 1.0:

@@ -22,7 +22,7 @@ from ...problems.motion.stepping.midpoint import step_problem
 from ...problems.motion.stepping.registry import make_stepper
 from ...problems.motion.stepping.step import AcceptedStep, LawStates, Step, SwitchingPoint
 from ..errors import BenchError
-from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker, invalid_answer_fault
+from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker
 from ..plugins.descriptions import solver_spec
 from ..plugins.remote_scene import RemoteSystem
 from ..plugins.remote_solver import RemoteSolver
@@ -96,11 +96,11 @@ class RemoteSteps(RenewedWorker):
         Raises:
             BenchError: if a step fails, or the process does not answer.
         """
-        allowed = max(self.seconds, REQUEST_SECONDS)  # the process imports and compiles first
-        self._request("begin", start, states, seconds=allowed)
+        limit_seconds = max(self.seconds, REQUEST_SECONDS)  # the process imports and compiles first
+        self._request("begin", start, states, seconds=limit_seconds)
         begin, start_time, total_seconds = start, time.monotonic(), 0.0
         while True:
-            answer, content = self._request("step", seconds=allowed)
+            answer, content = self._request("step", seconds=limit_seconds)
             if answer.get("has_ended"):
                 return
             try:
@@ -112,10 +112,9 @@ class RemoteSteps(RenewedWorker):
                 if step.seconds < 0.0 or total_seconds > time.monotonic() - start_time:
                     raise ValueError("the time of a step is out of range")
             except MALFORMED_ANSWER_ERRORS:
-                self.close()
-                raise self.failure(invalid_answer_fault()) from None
+                raise self.reject_answer() from None
             yield step, values
-            begin, allowed = step.end, self.seconds
+            begin, limit_seconds = step.end, self.seconds
 
     def failure(self, fault: Fault) -> Exception:
         """Return the error for a request without an answer, which is that of the scene's system."""

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from ...problems.contact.solver import Status
+from ...problems.representation import first_names
 from ..errors import BenchError
 from .frames import JUDGED, RunFrames
 from .records import Machine, RunRecord
@@ -71,8 +72,9 @@ def hardware_differences(before: Machine, now: Machine, fields: Mapping[str, str
 
 def software_differences(before: Machine, now: Machine) -> list[str]:
     """Return, in words, which versions, settings and sources on two machines differ."""
-    known = [machine.versions | machine.settings for machine in (before, now)]
-    values = [(name, *(versions.get(name) or "none" for versions in known)) for name in sorted(set().union(*known))]
+    old_values, new_values = (machine.versions | machine.settings for machine in (before, now))
+    names = sorted(old_values.keys() | new_values.keys())
+    values = [(name, old_values.get(name) or "none", new_values.get(name) or "none") for name in names]
     texts = [f"{name} {old}, now {new}" for name, old, new in values if old != new]
     return [*texts, *hardware_differences(before, now, {"source": "source"})]
 
@@ -102,9 +104,11 @@ def session_differences(frames: RunFrames) -> list[str]:
 def machines_by_problem(frames: RunFrames) -> dict[str, list[Machine]]:
     """Return the machines on which each problem was measured, one for each session."""
     sessions = frames.info.sessions
-    known = frames.rounds[frames.rounds["session"] < len(sessions)].groupby("problem", sort=False)["session"]
-    used = {str(name): sorted(map(int, session_numbers.unique())) for name, session_numbers in known}
-    return {name: [sessions[number].machine for number in session_numbers] for name, session_numbers in used.items()}
+    rounds = frames.rounds[frames.rounds["session"] < len(sessions)]
+    return {
+        str(name): [sessions[number].machine for number in sorted(map(int, session_numbers.unique()))]
+        for name, session_numbers in rounds.groupby("problem", sort=False)["session"]
+    }
 
 
 def _short(value: object) -> str:
@@ -134,15 +138,15 @@ def unfinished(frames: RunFrames) -> list[str]:
 
 
 def _unfinished_sentence(frames: RunFrames) -> str:
-    plan, begun = frames.info.plan, len(frames.cases) - frames.n_finished
+    """Return how many planned cases are measured, which ones are missing, and the command that resumes the run."""
+    plan, n_begun = frames.info.plan, len(frames.cases) - frames.n_finished
     known = set(zip(frames.cases["problem"], frames.cases["solver"], strict=True))
     planned = product(plan.problems, plan.solvers)
     missing = [f"{solver} on {name}" for name, solver in planned if (name, solver) not in known]
-    more = f" and {len(missing) - MAX_MISSING} more" if len(missing) > MAX_MISSING else ""
-    named = f"; missing: {', '.join(missing[:MAX_MISSING])}{more}" if known and missing else ""
-    partly = f", {begun} more in part" if begun else ""
+    missing_text = f"; missing: {first_names(missing, MAX_MISSING)}" if known and missing else ""
+    partial_text = f", {n_begun} more in part" if n_begun else ""
     counts = f"{frames.n_finished} of {frames.n_planned} cases"
-    return f"{counts} are measured{partly}{named}; resume with: {_resume_command(frames)}"
+    return f"{counts} are measured{partial_text}{missing_text}; resume with: {_resume_command(frames)}"
 
 
 def warnings(frames: RunFrames) -> list[str]:
@@ -194,10 +198,10 @@ def _warnings_of_machines(frames: RunFrames) -> dict[str, str]:
             f"measured on {len(measured)} machines ({shares}), each problem on one of them; times of "
             "different problems are not comparable"
         )
-    mixed = session_differences(frames)
-    if mixed:
+    changes = session_differences(frames)
+    if changes:
         sentences["MIXED"] = (
-            f"the run was measured in several sessions that differ ({'; '.join(mixed)}); times of different "
+            f"the run was measured in several sessions that differ ({'; '.join(changes)}); times of different "
             "sessions are not comparable; measure again in a single session"
         )
     return sentences

@@ -117,5 +117,5 @@ def _field(message: str) -> str:
     """Return the field that an error message of msgspec names, such as ``"points[...].tolerance"``."""
     path = re.search(r"at `\$\.?(.*)`$", message)
     missing = re.search(r"missing required field `(\w+)`", message)
-    names = [found.group(1) for found in (path, missing) if found]
+    names = [match.group(1) for match in (path, missing) if match]
     return ".".join(name for name in names if name) or "content"

@@ -31,6 +31,12 @@ JUDGED, LOCAL = "judged", "local"
 RESIDUALS = (JUDGED, LOCAL)
 """Names of all kinds of residuals."""
 
+CASE = ["problem", "solver"]
+"""Columns that identify a case."""
+
+POINT = [*CASE, "tolerance"]
+"""Columns that identify a point."""
+
 _IDENTITY = ("problem", "solver", "model")
 """Fields of a case that its points repeat."""
 
@@ -99,14 +105,14 @@ class RunFrames:
         for name in problems:
             if name not in plan.problems:
                 raise BenchError(f"the run has no problem {name!r}{suggestion(name, plan.problems)}")
-        kept = msgspec.structs.replace(
+        restricted_plan = msgspec.structs.replace(
             plan,
             problems=[name for name in plan.problems if name in problems],
             trajectories=[trajectory for trajectory in plan.trajectories if trajectory.name in problems],
         )
         frames = {name: getattr(self, name) for name in ("cases", "points", "rounds", "iterations", "errors")}
-        chosen = {name: frame[frame["problem"].isin(problems)] for name, frame in frames.items()}
-        return replace(self, info=msgspec.structs.replace(self.info, plan=kept), **chosen)
+        restricted_frames = {name: frame[frame["problem"].isin(problems)] for name, frame in frames.items()}
+        return replace(self, info=msgspec.structs.replace(self.info, plan=restricted_plan), **restricted_frames)
 
     def judged_by(self, residual: str) -> Self:
         """Return the run with "judged" or "local" residuals of its points.
@@ -125,8 +131,8 @@ class RunFrames:
             raise BenchError(
                 f"{self.folder} has no local residuals; show the judged ones, or measure its problems again."
             )
-        chosen = local if residual == LOCAL else judged
-        return replace(self, residual=residual, points=self.points.assign(residual=chosen, judged_residual=judged))
+        values = local if residual == LOCAL else judged
+        return replace(self, residual=residual, points=self.points.assign(residual=values, judged_residual=judged))
 
 
 def check_residual(name: str) -> None:

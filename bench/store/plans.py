@@ -23,7 +23,6 @@ PASSES, THOROUGH_PASSES = 2, 5
 MAX_PASSES = 1000
 """Largest number of passes."""
 
-
 MAX_MEBIBYTES = 2**40
 """Exclusive upper bound of a memory limit [MiB]."""
 
@@ -104,12 +103,12 @@ class RunSettings(Record, frozen=True, kw_only=True):
             BenchError: if a tolerance, the number of passes or the seed is not a number or out of range.
         """
         default_ladder, default_passes = (THOROUGH_LADDER, THOROUGH_PASSES) if thorough else (LADDER, PASSES)
-        chosen = tuple(tolerances or default_ladder)
+        given_ladder = tuple(tolerances or default_ladder)
         passes = default_passes if passes is None else passes
-        for name, values in (("tolerances", chosen), ("passes", (passes,)), ("seed", (seed,))):
+        for name, values in (("tolerances", given_ladder), ("passes", (passes,)), ("seed", (seed,))):
             for value in values:
                 _require_number(name, value)
-        ladder = sorted(set(chosen), reverse=True)
+        ladder = sorted(set(given_ladder), reverse=True)
         for tolerance in ladder:
             if not 0.0 < tolerance < 1.0:
                 raise BenchError(f"`tolerances` must be between 0 and 1, got {tolerance:g}; choose one such as 1e-4.")

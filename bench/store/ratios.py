@@ -163,8 +163,8 @@ def reaching(points: pd.DataFrame, accuracy: float, limit: float = np.inf) -> pd
     """
     is_late = (points["outcome"] == Outcome.TIME_LIMIT) & (points["status"] == Status.SOLVED)
     is_late |= points["total_seconds"] > MAX_OVERTIME * limit
-    found: pd.DataFrame = points[(points["residual"] <= accuracy) & (points["outcome"] != Outcome.WRONG) & ~is_late]
-    return found
+    reached: pd.DataFrame = points[(points["residual"] <= accuracy) & (points["outcome"] != Outcome.WRONG) & ~is_late]
+    return reached
 
 
 def standings(points: pd.DataFrame, times: Times, accuracy: float, limit: float) -> pd.DataFrame:
@@ -191,14 +191,14 @@ def standings(points: pd.DataFrame, times: Times, accuracy: float, limit: float)
     points_reached = zip(reached["solver"], reached["tolerance"], strict=True)
     compared_times = [times.get(point, no_times) for point in points_reached][:n_compared]
     ratios = [ratio(others, compared_times[0]) for others in compared_times[1:]]
-    other_standings = [
-        SLOWER if one.low > 1.0 + MARGIN else "tie" if np.isfinite(one.high) else "undecided" for one in ratios
+    standings_of_others = [
+        SLOWER if other.low > 1.0 + MARGIN else "tie" if np.isfinite(other.high) else "undecided" for other in ratios
     ]
-    best = next((name for name in ("tie", "undecided") if name in other_standings), "fastest")
+    best = next((name for name in ("tie", "undecided") if name in standings_of_others), "fastest")
     values = [Ratio(1.0, 1.0, 1.0), *ratios][:n_compared] + [UNKNOWN] * n_excluded
-    standing = ["undecided" if n_excluded else best, *other_standings][:n_compared] + [EXCLUDED] * n_excluded
+    all_standings = ["undecided" if n_excluded else best, *standings_of_others][:n_compared] + [EXCLUDED] * n_excluded
     rows = reached[["solver", "tolerance"]].assign(seconds=reached["total_seconds"])
     return rows.assign(
         **pd.DataFrame(values, columns=["ratio", "low", "high"], dtype=np.float64),
-        standing=pd.Series(standing, dtype=str),
+        standing=pd.Series(all_standings, dtype=str),
     )

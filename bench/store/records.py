@@ -51,7 +51,15 @@ class Machine(Record, frozen=True, kw_only=True):
 
 
 class PluginUse(Record, frozen=True, kw_only=True):
-    """A solver, problem or scene of a plugin: its name, and the file with its SHA-256 or the package."""
+    """A solver, problem or scene of a plugin, or a solver in another language.
+
+    Attributes:
+        kind: "solver", "problem" or "scene".
+        name: its name.
+        source: its plugin, for messages; for a solver in another language, its file, name and version.
+        file: path of the plugin file, shared library or program; empty for a plugin package.
+        sha256: SHA-256 of this file; empty for a plugin package.
+    """
 
     kind: str
     name: str
@@ -102,6 +110,10 @@ class RunRecord(Record, frozen=True, kw_only=True):
 
 class Curve(Record, frozen=True, kw_only=True):
     """Judged residuals of the observed iterates.
+
+    Attributes:
+        iteration: numbers of the iterations, ascending.
+        residual: judged residual of each.
 
     Raises:
         ValueError: if the numbers of residuals and iterations differ.
@@ -333,13 +345,13 @@ class CaseRecord(Record, frozen=True, kw_only=True):
         return self.outcome is not Outcome.MEASURED or len(self.points) >= len(plan.ladder(self.solver))
 
 
-def with_sessions(case: CaseRecord, places: Sequence[int]) -> CaseRecord:
-    """Return a case with the sessions of its rounds renumbered: ``places[i]`` instead of i."""
+def with_sessions(case: CaseRecord, new_numbers: Sequence[int]) -> CaseRecord:
+    """Return a case with the sessions of its rounds renumbered: ``new_numbers[i]`` instead of i."""
 
     def renumbered(point: Point) -> Point:
         if point.measured is None:
             return point
-        rounds = [replace(timed, session=places[timed.session]) for timed in point.rounds]
+        rounds = [replace(timed, session=new_numbers[timed.session]) for timed in point.rounds]
         return replace(point, measured=replace(point.measured, rounds=rounds))
 
     return replace(case, points=[renumbered(point) for point in case.points])

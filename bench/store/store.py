@@ -239,18 +239,23 @@ def plain_name(name: str) -> str:
     return f"{plain[:51]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
-def put_file(path: Path, content: bytes, remedy: str = f"free some space, or {ELSEWHERE}") -> None:
+def put_file(
+    path: Path,
+    content: bytes,
+    remedy: str = f"free some space, or {ELSEWHERE}",
+    kind: type[BenchError] = BenchError,
+) -> None:
     """Write a file as a whole or not at all, and create its folder if necessary.
 
     Raises:
-        BenchError: if it cannot be written.
+        BenchError: of the class ``kind``, if it cannot be written; the message ends with the remedy.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as file:
             file.write(content)
     except OSError as error:
-        raise BenchError(f"cannot write {path}: {error.strerror}; {remedy}.") from None
+        raise kind(f"cannot write {path}: {error.strerror}; {remedy}.") from None
 
 
 def _read(path: Path, kind: type[R], remedy: str) -> R:

@@ -22,7 +22,6 @@ def check(
     from ...report.layout.text import print_json
     from ..progress import ProgressBar
 
-    options.check_output_options(quiet, as_json)
     with ProgressBar(quiet or as_json) as progress:
 
         def show(check: str, done: int, total: int) -> None:

@@ -34,23 +34,22 @@ def compare(
     from ...report.layout.output_file import check_writable, write_file
     from ...report.layout.text import output_width, print_json
 
-    options.check_output_options(quiet, as_json)
-    to_print = markdown is not None and str(markdown) == "-"
-    if to_print and (quiet or as_json):
+    prints_markdown = markdown is not None and str(markdown) == "-"
+    if prints_markdown and (quiet or as_json):
         raise BenchError("--markdown - prints a page; use it without --json and --quiet, or name a file.")
     slowdowns = [slowdown for slowdown in read_conditions(fail_on or ()).values() if slowdown is not None]
-    if markdown is not None and not to_print:
+    if markdown is not None and not prints_markdown:
         check_writable([markdown], force=True)
     comparison = runs.compare(before, after, min(slowdowns, default=SLOWDOWN))
     failures = comparison.failures(fail_on or ())
-    if markdown is not None and not to_print:
+    if markdown is not None and not prints_markdown:
         write_file(markdown, markdown_page(comparison, failures).encode())
     if as_json:
         print_json(comparison_document(comparison, failures))
-    elif to_print:
+    elif prints_markdown:
         print(markdown_page(comparison, failures), end="")
     elif not quiet:
         print_comparison(comparison, failures, Console(width=output_width()))
-    if markdown is not None and not (to_print or as_json):
+    if markdown is not None and not (prints_markdown or as_json):
         print(f"page     {markdown}")
     return int(bool(failures))

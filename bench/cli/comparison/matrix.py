@@ -1,6 +1,5 @@
 """The command ``proxbench matrix``."""
 
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +10,7 @@ if TYPE_CHECKING:
     from ....problems.contact.solver import Stop
 
 DEFAULT_TOLERANCE, DEFAULT_SECONDS, DEFAULT_ITERATIONS = 1e-8, 5.0, 200_000
+"""Default judged residual to reach, time limit [s] and iteration limit of a solve."""
 
 
 def matrix(
@@ -44,7 +44,6 @@ def matrix(
     from ...store.outcome import Cell
     from ..progress import ProgressBar
 
-    options.check_output_options(quiet, as_json)
     if quiet and output is None:
         raise BenchError("--quiet does not print the page; write it to a file with --output FILE.")
     table = None if output is None else _table_file(output)
@@ -58,8 +57,7 @@ def matrix(
             bar.count_one()
 
         cells = measure_matrix(selection.problems, solvers, stop, on_cell=show)
-    for sentence in selection.left_out:
-        print(f"proxbench: {options.with_option_names(sentence)}", file=sys.stderr)
+    options.print_notes(*map(options.with_option_names, selection.left_out))
     command = _command(suite, problem, solver, stop, output, sample, sampling)
     page = matrix_page(cells, tolerance, command, table=table.name if table is not None else "")
     if as_json:

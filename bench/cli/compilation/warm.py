@@ -76,7 +76,6 @@ def warm(
     from ...report.layout.text import print_json
     from .processes import compile_here, compile_in_processes
 
-    options.check_output_options(quiet, as_json)
     begin, n_processes = time.perf_counter(), min(usable_cores(), MAX_PROCESSES)
     if n_processes == 1:
         compiled = compile_here(parts())

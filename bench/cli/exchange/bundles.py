@@ -1,6 +1,5 @@
 """The commands ``proxbench bundle``, ``rejudge`` and ``merge``: runs as single files."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -25,7 +24,6 @@ def bundle(
     from ...report.layout.text import print_json
     from ...runs import bundle as write_bundle
 
-    options.check_output_options(quiet, as_json)
     file = write_bundle(run_dir, output, force=force)
     if as_json:
         print_json({"file": str(file), "bytes": file.stat().st_size})
@@ -49,7 +47,6 @@ def rejudge(
     from ...runs import rejudge as rejudge_bundle
     from ..progress import ProgressBar
 
-    options.check_output_options(quiet, as_json)
     with ProgressBar(not progress or quiet or as_json) as bar:
         verdict = rejudge_bundle(file, bar.count)
     if as_json:
@@ -78,12 +75,10 @@ def merge(
     from ...runs import merge as merge_runs
     from ..progress import ProgressBar
 
-    options.check_output_options(quiet, as_json)
     missing: list[str] = []
     with ProgressBar(not progress or quiet or as_json) as bar:
         merged_run = merge_runs(sources, output, run_id, on_case=bar.count, on_missing=missing.append)
-    for sentence in missing:
-        print(f"proxbench: {sentence}", file=sys.stderr)
+    options.print_notes(*missing)
     if as_json:
         print_json({"run": str(merged_run.folder), "is_finished": merged_run.is_finished, "missing": missing})
     else:

@@ -1,6 +1,5 @@
 """The command ``proxbench capture``: contact problems from the steps of an engine."""
 
-import sys
 from collections.abc import Sequence
 from functools import partial
 from math import isfinite
@@ -47,7 +46,6 @@ def capture(
     from ...errors import InterruptedWorkError
     from ...report.layout.text import counted, print_json
 
-    options.check_output_options(quiet, as_json)
     rows: list[dict[str, Any]] = []
     n_kept = 0
 
@@ -73,7 +71,7 @@ def capture(
     else:
         _print_summary(summary, output, judge)
     if summary.error:
-        print(f"proxbench: {options.with_option_names(summary.error)}", file=sys.stderr)
+        options.print_notes(options.with_option_names(summary.error))
     return int(bool(summary.error))
 
 

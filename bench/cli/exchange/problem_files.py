@@ -1,6 +1,5 @@
 """The commands ``proxbench info``, ``import`` and ``export``: inspect, read and write problem files in any format."""
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -51,7 +50,7 @@ def info(sources: Sources, as_json: options.Json = False) -> int:
         print_json({"files": rows, "broken": broken})
     else:
         _print_surveys([survey for survey, _ in results], [engine for _, engine in results])
-        _print_broken(broken)
+        options.print_notes(*broken)
     return code
 
 
@@ -113,7 +112,6 @@ def import_files(
     from ....problems.capture.files import has_step, read_step, save_step
     from ....problems.exchange.survey import problem_files
 
-    options.check_output_options(quiet, as_json)
     read, suffixes = _reader(file_format, symmetry, indefinite)
     files_of = partial(problem_files, suffixes=suffixes)
     targets = _import_targets(sources, files_of, output, force)
@@ -152,7 +150,6 @@ def export_files(
     from ...plugins.problems import resolve_problem
     from ...report.layout.output_file import check_writable
 
-    options.check_output_options(quiet, as_json)
     problems = [resolve_problem(name) for name in names]
     write: Callable[[ContactProblem, Path], None] = save_problem
     if file_format == "fclib":
@@ -341,7 +338,7 @@ def _print_written(digests: dict[str, str], broken: Sequence[str], quiet: bool, 
         print_json({"files": digests, "broken": list(broken)})
         return
     print_files(digests, quiet)
-    _print_broken(broken)
+    options.print_notes(*broken)
 
 
 def print_files(digests: Mapping[str, str], quiet: bool = False) -> None:
@@ -349,8 +346,3 @@ def print_files(digests: Mapping[str, str], quiet: bool = False) -> None:
     width = max((len(file) for file in digests), default=0)
     for file, digest in digests.items():
         print(file if quiet else f"{file:<{width}}  problem digest {digest[:16]}")
-
-
-def _print_broken(broken: Sequence[str]) -> None:
-    for sentence in broken:
-        print(f"proxbench: {sentence}", file=sys.stderr)

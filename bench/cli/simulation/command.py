@@ -76,7 +76,6 @@ def simulate(
     from .show import Request, run_simulation
 
     _require_consistent_options(context)
-    options.check_output_options(quiet, as_json)
     if study or (resume is not None and resume.is_dir()):
         return _run_study(context, quiet, as_json, progress)
     plan_arguments = {name: context.params[name] for name in _PLAN_ARGUMENTS if context.params[name] is not None}
@@ -128,7 +127,7 @@ def _require_consistent_options(context: typer.Context) -> None:
     from ....problems.motion.scenes.registry import SCENES
     from ...errors import BenchError
 
-    values, given = context.params, options.given_parameters(context)
+    values, specified = context.params, options.given_parameters(context)
     resume, output = values["resume"], values["output"]
     is_study = values["study"] or (resume is not None and resume.is_dir())
     if resume is None and not values["scene"]:
@@ -136,16 +135,16 @@ def _require_consistent_options(context: typer.Context) -> None:
     if resume is not None and values["study"] and not resume.is_dir():
         raise BenchError(f"{resume} is not a study; omit --study, or name the folder of a study.")
     if not is_study:
-        options.require_absent(_LIMITS, given, "limits a study, but this is a single simulation")
+        options.require_absent(_LIMITS, specified, "limits a study, but this is a single simulation")
         if len(values["solver"] or ()) > 1:
             raise BenchError("a simulation has one solver; name one, or compare several with --study.")
     else:
-        options.require_absent(sorted(_NOT_IN_A_STUDY), given, "is for a single simulation, but this is a study")
+        options.require_absent(sorted(_NOT_IN_A_STUDY), specified, "is for a single simulation, but this is a study")
         if output.suffix in (".json", ".npz"):
             raise BenchError(f"a study is stored in a folder, but --output names the file {output}; name a folder.")
     if resume is not None:
         if is_study:
-            options.require_absent(_STORED, given, "is stored with the study and cannot be changed")
-        other_outputs = {"recording", "chart"} & given  # --force may replace these files
+            options.require_absent(_STORED, specified, "is stored with the study and cannot be changed")
+        other_outputs = {"recording", "chart"} & specified  # --force may replace these files
         reason = "has no effect with --resume, which writes to the resumed file"
-        options.require_absent(("output",) if other_outputs else ("output", "force"), given, reason)
+        options.require_absent(("output",) if other_outputs else ("output", "force"), specified, reason)

@@ -18,6 +18,7 @@ def comparison_tables(comparison: Comparison) -> str:
 
 
 def _scene_table(comparison: Comparison, scene: str) -> str:
+    """Return the table of a scene: engines in the order of their versions, settings in that of ``ENGINES``."""
     description = describe(scene)
     runs = [run for run in comparison.measurements if run.scene == scene]
     rows = []
@@ -32,6 +33,7 @@ def _scene_table(comparison: Comparison, scene: str) -> str:
 
 
 def _row(run: Measurement, errors: tuple[str, ...], is_best: bool) -> list[str]:
+    """Return the cells of a run: setting, step, times, errors and residuals, or the reason why it failed."""
     name = f"**{run.setting}**" if is_best else inline(run.setting)
     begin = [run.engine, name, f"{1e3 * run.time_step:g}"]
     if run.failure:

@@ -51,7 +51,6 @@ def engines(
     from ...report.layout.text import counted, print_json
     from .engine_table import comparison_tables
 
-    options.check_output_options(quiet, as_json)
     if quiet and output is None and resume is None:
         raise BenchError("--quiet does not print the tables; write them to a file with --output FILE.")
     if output is not None:

@@ -13,20 +13,20 @@ def deferred_interrupts() -> Iterator[Callable[[], bool]]:
 
     Signals reach only the main thread; other threads defer nothing.
     """
-    interrupted = False
+    is_interrupted = False
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        nonlocal interrupted
-        if interrupted:
+        nonlocal is_interrupted
+        if is_interrupted:
             raise KeyboardInterrupt
-        interrupted = True
+        is_interrupted = True
 
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False
         return
     before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield lambda: interrupted
+        yield lambda: is_interrupted
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

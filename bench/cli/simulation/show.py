@@ -1,7 +1,6 @@
 """Run a simulation, print its tables, and write its chart and recording from the stored result."""
 
 import contextlib
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from ...simulation.plan import make_simulation_plan
 from ...simulation.run import advance, resumable_simulation
 from ...simulation.trajectory import Simulation
 from ...simulation.view.live import LiveSummary
-from ...simulation.view.outputs import SimulationOutputs, choose_outputs, write_recording
+from ...simulation.view.outputs import SimulationOutputs, choose_outputs
 from ...simulation.view.table import print_simulation, simulation_document
 from .. import options
 from .interrupts import deferred_interrupts
@@ -29,12 +28,13 @@ class Request:
 
     Attributes:
         scene: the scene with its options, empty if none is named.
-        plan_arguments: arguments of its plan: stepper, solver, tolerance, max_iterations, start, states, step_seconds.
+        plan_arguments: arguments of ``make_simulation_plan``: stepper, solver, tolerance, max_iterations, start,
+            states, step_seconds.
         duration: simulated time [s].
         output: result file, or its folder.
         force: replace files that exist.
         resume: result file to resume; None to start a new simulation.
-        record: recording to write, if any.
+        recording: recording to write; None for none.
         chart: chart to write; None for the default of the scene.
     """
 
@@ -44,7 +44,7 @@ class Request:
     output: Path
     force: bool
     resume: Path | None
-    record: Path | None
+    recording: Path | None
     chart: Path | None
 
 
@@ -90,7 +90,7 @@ def show_simulation(simulation: Simulation, as_json: bool, quiet: bool = False) 
     if code and quiet:
         scene_ending, unsolved = simulation.scene_ending, int(simulation.unsolved.sum())
         missed = f"{unsolved} of {simulation.n_steps} steps miss the tolerance, as judged"
-        print(f"proxbench: {missed if unsolved or scene_ending is None else scene_ending.sentence}.", file=sys.stderr)
+        options.print_notes(f"{missed if unsolved or scene_ending is None else scene_ending.sentence}.")
     return code
 
 
@@ -130,7 +130,7 @@ def report_simulation(file: Path, charts: bool, quiet: bool, as_json: bool) -> i
     except UnwritableError as error:
         if quiet:
             raise
-        print(f"proxbench: {options.with_option_names(str(error))}", file=sys.stderr)
+        options.print_notes(options.with_option_names(str(error)))
     return _exit_code(simulation)
 
 
@@ -146,17 +146,17 @@ def record_simulation(file: Path, recording: Path, force: bool) -> None:
 def _start_or_resume(request: Request) -> Simulation:
     """Return the simulation to advance, with its output files."""
     if request.resume is not None:
-        given = {**({"scene": request.scene} if request.scene else {}), **request.plan_arguments}
-        simulation = resumable_simulation(request.resume, given, request.duration)
+        expected_values = {**({"scene": request.scene} if request.scene else {}), **request.plan_arguments}
+        simulation = resumable_simulation(request.resume, expected_values, request.duration)
         stored = simulation.outputs
-        simulation.outputs = choose_outputs(stored, request.chart, request.record, request.force)
+        simulation.outputs = choose_outputs(stored, request.chart, request.recording, request.force)
         if simulation.outputs != stored:  # if no steps remain, nothing else writes the result
             write_simulation(simulation, request.resume)
         if simulation.is_finished:
-            print(f"proxbench: {request.resume} is already finished; nothing was simulated.", file=sys.stderr)
+            options.print_notes(f"{request.resume} is already finished; nothing was simulated.")
         return simulation
     plan = make_simulation_plan(request.scene, duration=request.duration, **request.plan_arguments)
-    outputs = choose_outputs(SimulationOutputs(), request.chart, request.record, request.force)
+    outputs = choose_outputs(SimulationOutputs(), request.chart, request.recording, request.force)
     file = output_file(request.output, plan.scene.name, SUFFIX, request.force)
     if outputs.chart is None and plan.scene.coordinates:  # a chart of coordinates is more informative than a table
         outputs = choose_outputs(
@@ -174,15 +174,17 @@ def _files(simulation: Simulation, file: Path) -> Iterator[tuple[str, str | Path
 
         for path in draw_pictures(lambda: write_chart(simulation, chart), file):
             yield "chart", path
-    if simulation.n_steps:
-        for path in write_recording(lambda path: _record(simulation, path, force=True), recording, file):
+    if simulation.n_steps and recording is not None:
+        remedy = "make it with: proxbench record {}"
+        for path in draw_pictures(lambda: _record(simulation, recording, force=True), file, "recording", remedy):
             yield "watch", f"rerun {path}"
 
 
-def _record(simulation: Simulation, file: Path, force: bool) -> None:
-    """Write the recording of a simulation."""
+def _record(simulation: Simulation, file: Path, force: bool) -> list[Path]:
+    """Write the recording of a simulation, and return its file in a list."""
     from ...recordings.replay import record_stored  # rerun takes a second to import
 
     scene = simulation.plan.scene
     seconds = scene.step_size if simulation.plan.stepper.holds_forces else None
     record_stored(scene, simulation.steps, simulation.states, file, impulse_seconds=seconds, force=force)
+    return [file]

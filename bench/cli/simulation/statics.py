@@ -42,7 +42,6 @@ def statics(
     from ...plugins.remote_scene import local_or_remote_scene
     from ...report.layout.text import print_json
 
-    options.check_output_options(quiet, as_json)
     loaded_scene = local_or_remote_scene(scene)
     problem = problem_at_rest(loaded_scene.system, loaded_scene.start, margin)
     equilibrium = find_equilibrium(problem)
@@ -107,6 +106,7 @@ def _largest_push(problem: "ContactProblem", direction: "FloatArray", velocity: 
 
 
 def _sentence(row: dict[str, Any]) -> str:
+    """Return the result as one sentence without a full stop."""
     if row["can_stand"]:
         parts = ["can stand"]
     else:

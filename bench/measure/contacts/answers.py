@@ -26,7 +26,7 @@ class JudgedAnswers:
         coulomb: the worst verdict under Coulomb's law.
         distinct: the distinct answers [N s], each of shape (n_rows,).
         claims: the claimed solutions, as bytes.
-        kept: the answers with the worst verdicts.
+        worst_impulses: the answers with the worst verdicts, with their residuals.
     """
 
     outcome: Outcome
@@ -34,13 +34,13 @@ class JudgedAnswers:
     coulomb: Verdict
     distinct: list[FloatArray]
     claims: list[bytes]
-    kept: list[Impulses]
+    worst_impulses: list[Impulses]
 
     def impulse_error(self, problem: ContactProblem) -> float | None:
         """Return the largest distance to the known impulses of a problem; None if they are unknown."""
         known = problem.answer
-        found = [] if known is None else [known.impulse_error(impulses) for impulses in self.distinct]
-        return max((error for error in found if error is not None), default=None)
+        errors = [] if known is None else [known.impulse_error(impulses) for impulses in self.distinct]
+        return max((error for error in errors if error is not None), default=None)
 
 
 def judge_answers(
@@ -57,7 +57,7 @@ def judge_answers(
     """
     distinct = {impulses.tobytes(): impulses for impulses in rows}
     judged = {key: verdicts(problem, impulses, model) for key, impulses in distinct.items()}
-    claims = list(dict.fromkeys(one.tobytes() for one in (rows if status is Status.SOLVED else rows[:-1])))
+    claims = list(dict.fromkeys(row.tobytes() for row in (rows if status is Status.SOLVED else rows[:-1])))
     outcomes = {point_outcome(Status.SOLVED, tolerance, model, *judged[key]) for key in claims}
     outcome = Outcome(status.value)
     if Outcome.WRONG in outcomes:
@@ -65,9 +65,9 @@ def judge_answers(
     elif status is Status.SOLVED and Outcome.RELAXED in outcomes:
         outcome = Outcome.RELAXED
     under_model, under_coulomb = (max(judged, key=lambda key: judged[key][law].residual) for law in (0, 1))
-    kept = worst(Impulses.of(distinct[key], *judged[key]) for key in dict.fromkeys((under_coulomb, under_model)))
+    candidates = (Impulses.of(distinct[key], *judged[key]) for key in dict.fromkeys((under_coulomb, under_model)))
     own, coulomb = judged[under_model][0], judged[under_coulomb][1]
-    return JudgedAnswers(outcome, own, coulomb, list(distinct.values()), claims, kept)
+    return JudgedAnswers(outcome, own, coulomb, list(distinct.values()), claims, worst(candidates))
 
 
 def judge_control_solves(

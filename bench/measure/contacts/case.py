@@ -101,7 +101,7 @@ class Case(LadderCase[MeasuredRound]):
         self._before = before
         self._starts = Starts(before.steps if solver.starts_warm else (), problem, self._controls)
         self._clock = ClockAccount(problem)
-        self._copied_level = int(np.random.default_rng().integers(len(ladder)))  # unpredictable for a solver
+        self._copy_level = int(np.random.default_rng().integers(len(ladder)))  # unpredictable for a solver
         self._threads_used = 0 if stored is None else stored.threads_used
         self.is_solvable = None if problem.answer is None else problem.answer.solvable
 
@@ -167,14 +167,14 @@ class Case(LadderCase[MeasuredRound]):
     ) -> tuple[dict[str, Any], FloatArray] | None:
         """Return the answer, after the processes that the solver started have ended; None if the case failed.
 
-        Executables of the solver may keep running.
+        The programs of ``Executable`` solvers may keep running.
         """
-        answer, n_kept = super()._ask(request, *arguments, largest=largest), self.solver.n_processes
+        answer, n_allowed = super()._ask(request, *arguments, largest=largest), self.solver.n_processes
         for _ in range(MAX_RESTS):
-            if answer is None or self._worker is None or self._worker.n_started() <= n_kept:
+            if answer is None or self._worker is None or self._worker.n_started() <= n_allowed:
                 return answer
             answer = super()._ask("rest") and answer
-        n_left = 0 if self._worker is None else self._worker.n_started() - n_kept
+        n_left = 0 if self._worker is None else self._worker.n_started() - n_allowed
         if n_left:
             self._fail(Fault(Outcome.MISBEHAVED, f"it leaves {counted(n_left, 'process', 'processes')} running"))
         return None if n_left else answer
@@ -186,19 +186,19 @@ class Case(LadderCase[MeasuredRound]):
             self.points = []
 
     def measure(self, value: float, number: int) -> MeasuredRound | None:
-        """Run one round of timed solves; return None if the case failed."""
+        """Run round ``number`` of timed solves to the tolerance ``value``; return None if the case failed."""
         stop = self._stop(value)
         try:
             start = self._starts.impulses(stop)
-            worked = 0.0 if self._worker is None else self._worker.processor_seconds()
+            processor_seconds = 0.0 if self._worker is None else self._worker.processor_seconds()
             result = self._timed_round(TimedRound, number, "round", stop, ROUND_SECONDS, start)
             if result is None or self._worker is None:
                 return None
             timed, record, values = result
             self._threads_used = max(self._threads_used, timed.threads_used(self.threads))
-            worked = self._worker.processor_seconds() - worked
+            processor_seconds = self._worker.processor_seconds() - processor_seconds
             impulses = self._answers(timed, values)
-            if not record.excluded and (clock_fault := self._clock.fault(timed, worked)):
+            if not record.excluded and (clock_fault := self._clock.fault(timed, processor_seconds)):
                 raise Fault(Outcome.MISBEHAVED, clock_fault)
         except Fault as fault:
             self._fail(fault)
@@ -219,29 +219,28 @@ class Case(LadderCase[MeasuredRound]):
             raise Fault(Outcome.MISBEHAVED, reason)
         return values.reshape(-1, n_rows)
 
-    def needs_round(self, answers: Sequence[MeasuredRound]) -> bool:
+    def needs_round(self, results: Sequence[MeasuredRound]) -> bool:
         """Return whether a point needs another round, because too few are counted; a failed solve is not repeated."""
-        last = answers[-1]
-        excluded = [answer.record.wall_seconds for answer in answers if answer.record.excluded]
+        last = results[-1]
+        excluded = [result.record.wall_seconds for result in results if result.record.excluded]
         if len(excluded) >= MAX_EXCLUDED or sum(excluded) > MAX_EXCLUDED_SECONDS or last.timed.status != Status.SOLVED:
             return False
         n_needed = ROUNDS if last.record.wall_seconds < ENOUGH_SECONDS else 1
-        return len(answers) - len(excluded) < n_needed
+        return len(results) - len(excluded) < n_needed
 
-    def point(self, value: float, answers: list[MeasuredRound]) -> Point:
+    def point(self, value: float, results: list[MeasuredRound]) -> Point:
         """Judge the impulses of all solves, and return the point with the worst verdict."""
-        last = answers[-1].timed
-        rows = [impulses for answer in answers for impulses in answer.impulses]
+        last = results[-1].timed
+        rows = [impulses for result in results for impulses in result.impulses]
         judged = judge_answers(self.problem, self.solver.model, value, last.status, rows)
         outcome = judged.outcome
         reason = last.message[:MAX_REASON_LENGTH] or ("" if last.status is Status.SOLVED else last.status.sentence)
-        valid = [answer for answer in answers if not answer.record.excluded] or answers
-        totals = np.concatenate([answer.timed.totals for answer in valid])
+        totals = np.concatenate([result.timed.totals for result in _counted(results)])
         late = late_reason(float(np.median(totals)), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
             outcome, reason = Outcome.TIME_LIMIT, late
         iterations = self._true_iterations(last.iterations)
-        rounds = [answer.record for answer in answers]
+        rounds = [result.record for result in results]
         hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in judged.claims][:MAX_ANSWERS]
         measured = Measured(
             iterations=iterations,
@@ -253,7 +252,7 @@ class Case(LadderCase[MeasuredRound]):
             answers=len(hashes),
             hashes=hashes,
             verdict=judged.coulomb.numeric_fields(),
-            impulses=judged.kept,
+            impulses=judged.worst_impulses,
             impulse_error=judged.impulse_error(self.problem),
         )
         return Point(tolerance=value, outcome=outcome, status=last.status.value, reason=reason, measured=measured)
@@ -265,26 +264,24 @@ class Case(LadderCase[MeasuredRound]):
         has_ended = point.status != Status.SOLVED or point.outcome is Outcome.TIME_LIMIT
         return f"{point.tolerance:g} already ended {point.outcome.value}" if has_ended else ""
 
-    def add_point(self, level: int, answers: list[MeasuredRound]) -> None:
+    def add_point(self, level: int, results: list[MeasuredRound]) -> None:
         """Add one point of the ladder, and check its times by first solves in fresh processes.
 
         In later passes, check them only if the new rounds do not explain the time of the earlier first solves. At one
         random level, compare them with solves of copies as well, unless the solver starts warm.
         """
-        super().add_point(level, answers)
+        super().add_point(level, results)
         self.points = keep_finest_impulses(self.points)
         point = self.points[level]
         measured = point.measured
         needs_control = point.is_repeated and point.outcome is not Outcome.WRONG and self.problem.n_rows
         if measured is None or not needs_control:
             return
-        kept = [answer for answer in answers if not answer.record.excluded] or answers
-        seconds = float(np.median([answer.timed.undisturbed_seconds for answer in kept]))
+        seconds = float(np.median([result.timed.undisturbed_seconds for result in _counted(results)]))
         try:
-            if level == self._copied_level and not self.solver.starts_warm:  # no start suits a copy
+            if level == self._copy_level and not self.solver.starts_warm:  # no start suits a copy
                 point = self._compared_with_copies(point, measured, seconds)
-            first_seconds = measured.first_seconds
-            is_controlled = bool(first_seconds) and is_explained(seconds, min(first_seconds))
+            is_controlled = measured.first_seconds and is_explained(seconds, min(measured.first_seconds))
             if point.outcome is not Outcome.WRONG and not is_controlled:
                 point = self._compared_with_first_solves(point, seconds)
         except Fault as fault:
@@ -318,8 +315,7 @@ class Case(LadderCase[MeasuredRound]):
             raise invalid_answer_fault()
         began = time.monotonic()
         answer, _ = self._worker.ask("round", stop, ROUND_SECONDS, self._starts.impulses(stop))
-        passed = time.monotonic() - began
-        return TimedRound.read(answer, passed, self.is_built_in).undisturbed_seconds
+        return TimedRound.read(answer, time.monotonic() - began, self.is_built_in).undisturbed_seconds
 
     def _true_iterations(self, claimed: int) -> int:
         """Return the iterations of a solve for which the solver reports ``claimed``.
@@ -367,12 +363,17 @@ class Case(LadderCase[MeasuredRound]):
         return Curve(iteration=iterations, residual=[residual.judged(problem, impulses) for impulses in rows])
 
 
+def _counted(results: list[MeasuredRound]) -> list[MeasuredRound]:
+    """Return the rounds that are not excluded, or all rounds if all are excluded."""
+    return [result for result in results if not result.record.excluded] or results
+
+
 def _with_times(measured: Measured, kind: Literal["first", "copy"], solves: Sequence[ControlSolve]) -> Measured:
     """Return measurements with the times of undisturbed first solves or copies, each with that of repeated solves."""
-    kept = [solve for solve in solves if solve.is_first and solve.is_counted]
+    counted_solves = [solve for solve in solves if solve.is_first and solve.is_counted]
     times = {
-        f"{kind}_seconds": [solve.seconds for solve in kept],
-        f"{kind}_repeated_seconds": [solve.repeated for solve in kept],
+        f"{kind}_seconds": [solve.seconds for solve in counted_solves],
+        f"{kind}_repeated_seconds": [solve.repeated for solve in counted_solves],
     }
     return replace(measured, **{name: [*getattr(measured, name), *new] for name, new in times.items()})
 

@@ -143,7 +143,7 @@ class Measurement:
         return [*iterates], rows, calls, claimed
 
     def round(self, stop: Stop, seconds: float, start: FloatArray | None = None) -> tuple[TimedRound, list[FloatArray]]:
-        """Run timed solves from ``start`` for ``seconds`` of wall time, at least one.
+        """Run timed solves from ``start`` [N s], shape (n_rows,), for ``seconds`` [s] of wall time, at least one.
 
         A solve that does not end SOLVED ends the round.
 
@@ -170,7 +170,7 @@ class Measurement:
     def first_solves(
         self, stop: Stop, problems: Sequence[ContactProblem], start: FloatArray | None = None
     ) -> tuple[TimedRound, list[FloatArray]]:
-        """Solve each of several problems once, the last one from ``start``.
+        """Solve each of several problems once, the last one from ``start`` [N s], shape (n_rows,).
 
         The problems are new to the process. Before them, solves of the current problem warm the caches.
 

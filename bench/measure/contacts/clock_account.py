@@ -43,26 +43,26 @@ class ClockAccount:
     def __init__(self, problem: ContactProblem) -> None:
         self.problem = problem
         self._calibrations = 0
-        self._on_clock = self._worked = self._n_solves = self._n_rounds = self._harness = 0.0
+        self._on_clock = self._processor_seconds = self._n_solves = self._n_rounds = self._harness = 0.0
 
-    def fault(self, timed_round: TimedRound, worked: float) -> str | None:
+    def fault(self, timed_round: TimedRound, processor_seconds: float) -> str | None:
         """Add a round, and return a clause if the process worked more than its clock explains, else None.
 
         Args:
             timed_round: a round that is not excluded.
-            worked: processor time of the round, as the system counts it [s].
+            processor_seconds: processor time of the round, as the system counts it [s].
         """
         self._n_solves += len(timed_round.totals)
         self._n_rounds += 1
         self._on_clock += float(np.maximum(timed_round.walls, timed_round.processor).sum())
-        self._worked += worked
-        while self._worked > self._explained() and self._calibrations < MAX_CALIBRATIONS:
+        self._processor_seconds += processor_seconds
+        while self._processor_seconds > self._explained() and self._calibrations < MAX_CALIBRATIONS:
             self._calibrations += 1
             self._harness = max(self._harness, _harness_seconds(self.problem))
-        if self._worked <= self._explained():
+        if self._processor_seconds <= self._explained():
             return None
         return (
-            f"its process worked for {self._worked:.3g} s in rounds, of which its own clock explains "
+            f"its process worked for {self._processor_seconds:.3g} s in rounds, of which its own clock explains "
             f"{self._explained():.3g} s"
         )
 

@@ -233,24 +233,24 @@ class Controls:
             seconds: median time of the timed solves [s].
             measure_again: function that measures one more round, and returns its median time [s].
         """
-        found: list[ControlSolve] = []
+        solves: list[ControlSolve] = []
         for _ in range(MAX_COPIES):
-            problems = [*(self._copies(stop, N_COPIES) if found else ()), disguised_copy(self.problem, stop.tolerance)]
+            problems = [*(self._copies(stop, N_COPIES) if solves else ()), disguised_copy(self.problem, stop.tolerance)]
             solve = self._control_solve(problems[-1], stop, *map(problem_bytes, problems))
             solve = _with_repeated_seconds(solve, seconds, measure_again)
             if solve.timed.status is not Status.SOLVED:
                 break
-            found.append(solve)
+            solves.append(solve)
             if solve.is_undisturbed and solve.is_explained:
                 break
-            if not solve.is_explained and len(found) <= MAX_LOADED_COPIES:
+            if not solve.is_explained and len(solves) <= MAX_LOADED_COPIES:
                 self._load_kernels()
-        return found
+        return solves
 
     def _number_of_warm_ups(self, stop: Stop, seconds: float) -> int:
         """Return how many problems a fork solves before a further first solve, within the time limit of the case."""
-        most = min(MAX_WARM_UPS, int(self.limits.case_seconds / stop.max_seconds) - 1)
-        return max(N_COPIES, min(most, ceil(WARM_UP_SECONDS / max(seconds, MIN_SECONDS))))
+        max_number = min(MAX_WARM_UPS, int(self.limits.case_seconds / stop.max_seconds) - 1)
+        return max(N_COPIES, min(max_number, ceil(WARM_UP_SECONDS / max(seconds, MIN_SECONDS))))
 
     def _copies(self, stop: Stop, number: int) -> list[ContactProblem]:
         """Return copies of the problem to solve before a first solve."""

@@ -26,9 +26,9 @@ PREPARATION_SECONDS = 60.0
 
 def default_solvers() -> list[str]:
     """Return the default solvers of a run, then all other registered ones."""
-    listed = list(DEFAULT_SOLVERS)
-    base_names = {name.partition("(")[0] for name in listed}
-    return [*listed, *(name for name in available() if name not in base_names)]
+    names = list(DEFAULT_SOLVERS)
+    base_names = {name.partition("(")[0] for name in names}
+    return [*names, *(name for name in available() if name not in base_names)]
 
 
 def measure_matrix(

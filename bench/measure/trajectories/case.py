@@ -102,25 +102,25 @@ class TrajectoryCase(LadderCase[Member]):
             return None
         return Member(simulated, record)
 
-    def needs_round(self, answers: Sequence[Member]) -> bool:
+    def needs_round(self, results: Sequence[Member]) -> bool:
         """Return whether members remain, and the last simulation ended within the time limit."""
-        return len(answers) < len(self.problem.members) and answers[-1].run.status is not Status.TIME_LIMIT
+        return len(results) < len(self.problem.members) and results[-1].run.status is not Status.TIME_LIMIT
 
-    def point(self, value: float, answers: list[Member]) -> Point:
+    def point(self, value: float, results: list[Member]) -> Point:
         """Return a point with the errors over all complete members."""
-        runs = dict(zip(self.problem.members, answers, strict=False))
-        complete = {member: answer.run for member, answer in runs.items() if answer.run.status is Status.SOLVED}
-        failed = [answer.run for answer in answers if answer.run.status is not Status.SOLVED]
+        by_member = dict(zip(self.problem.members, results, strict=False))
+        complete = {member: result.run for member, result in by_member.items() if result.run.status is Status.SOLVED}
+        failed = [result.run for result in results if result.run.status is not Status.SOLVED]
         errors = self.problem.measure.estimates({member: run.values for member, run in complete.items()})
-        counted = [answer for member, answer in runs.items() if not errors or member in complete]
-        times = times_from_rounds([answer.record for answer in counted])
+        counted = [result for member, result in by_member.items() if not errors or member in complete]
+        times = times_from_rounds([result.record for result in counted])
         worst = max((estimate.error for estimate in errors.values()), default=math.inf)
         measured = Measured(
-            iterations=round(median(answer.run.iterations for answer in counted)),
+            iterations=round(median(result.run.iterations for result in counted)),
             residual=worst,
             model_residual=worst,
             **{**times, "repeats": len(complete)},
-            rounds=[answer.record for answer in answers],
+            rounds=[result.record for result in results],
             verdict={},
             impulse_error=None,
             errors=[

@@ -63,28 +63,28 @@ def make_study_plan(
     """
     trajectory, built_scene = _trajectory(scene, duration, members)
     if methods is None:
-        chosen = list(default_methods(built_scene, trajectory))
+        study_methods = list(default_methods(built_scene, trajectory))
     else:
-        chosen = [make_method(name, values, tolerance) for name, values in methods.items()]
-    chosen += added_methods(built_scene, map(solver_spec, solvers))
-    chosen = [method.with_start(start) for method in chosen]
+        study_methods = [make_method(name, values, tolerance) for name, values in methods.items()]
+    study_methods += added_methods(built_scene, map(solver_spec, solvers))
+    study_methods = [method.with_start(start) for method in study_methods]
     if trajectory.reference is not None:
         trajectory = replace(trajectory, reference=replace(trajectory.reference, start=start))
-    for method in chosen:
+    for method in study_methods:
         for value in method.record.values:
             stepper = method.setting(value)[0].with_defaults_of(built_scene)
             stepper.check(built_scene, built_scene.start.time, built_scene.start.time + trajectory.duration)
-    chosen = list({method.record.name: method for method in chosen}.values())
+    study_methods = list({method.record.name: method for method in study_methods}.values())
     record = PlanRecord(
         problems=[trajectory.name],
-        solvers=[method.record.name for method in chosen],
+        solvers=[method.record.name for method in study_methods],
         tolerances=list(POUR_ACCURACIES if trajectory.error == "aggregates" else ACCURACIES),
         limits=limits or LIMITS,
         passes=1,
-        methods=[method.record for method in chosen],
+        methods=[method.record for method in study_methods],
         trajectories=[trajectory],
     )
-    return Plan(record, (), tuple(chosen))
+    return Plan(record, (), tuple(study_methods))
 
 
 def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:
@@ -102,9 +102,9 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
         members = range(first, first + N_SEEDS) if members is None else members
         if len(set(members)) < MIN_SEEDS:
             raise BenchError(f"a study over seeds needs at least {MIN_SEEDS} different seeds, got {len(set(members))}.")
-    chosen = list(dict.fromkeys(map(float, NEIGHBOURS if members is None else members)))
-    invalid = next((member for member in chosen if not (0.0 <= member < math.inf and (is_pour or member))), None)
-    if invalid is not None or not chosen:
+    member_values = list(dict.fromkeys(map(float, NEIGHBOURS if members is None else members)))
+    invalid = next((member for member in member_values if not (0.0 <= member < math.inf and (is_pour or member))), None)
+    if invalid is not None or not member_values:
         value_text = "none" if invalid is None else invalid
         raise BenchError(f"members must be {'seeds' if is_pour else 'positive factors'}, got {value_text}.")
     seconds = built_scene.duration if duration is None else duration
@@ -113,7 +113,7 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
     trajectory = TrajectoryRecord(
         name=str(Name(plain, options)),
         duration=seconds,
-        members=chosen,
+        members=member_values,
         error="limit cycle" if is_cycle else "aggregates" if is_pour else "end position",
     )
     if is_cycle or built_scene.exact is not None:

@@ -87,7 +87,7 @@ def _with_member(record: TrajectoryRecord, method: Method, worker: RenewedWorker
     """Return the record with the result of one more member."""
     scale, displacement, failure = record.scale, record.displacement, ""
     if record.error == "end position":
-        ending, _ = worker.ask("known")
+        ending, _ = worker.ask("exact_end")
         values, start = dict(ending["values"]), dict(ending["start"])
     if record.reference is not None:
         answer, _ = worker.ask("simulate", method.record.values[0], member)

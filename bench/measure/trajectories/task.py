@@ -30,7 +30,7 @@ MAX_SOLVES = 10_000
 
 @dataclass
 class TrajectoryTask:
-    """The task of a case, which answers "warm_up", "simulate" and "known".
+    """The task of a case, which answers "warm_up", "simulate" and "exact_end".
 
     Attributes:
         problem: the problem.
@@ -50,7 +50,7 @@ class TrajectoryTask:
         Raises:
             Exception: any exception of a plugin.
         """
-        if request == "known":
+        if request == "exact_end":
             return self._exact_end(), b""
         value, member = arguments
         # the warm-up simulates the whole motion, which has contacts of all kinds, within the limit of the case

@@ -95,6 +95,7 @@ def _segment_mesh(segment: Segment, top: float, width: float) -> Mesh:
 
 
 def _plane_mesh(plane: Plane, width: float, dimension: int) -> Mesh:
+    """Return a square of half width ``width`` [m] about the point of a plane."""
     point, normal = np.array(plane.point), np.array(plane.normal) / np.linalg.norm(plane.normal)
     if dimension == 2:
         point, normal = in_space(point), in_space(normal)

@@ -11,10 +11,10 @@ from ....problems.motion.bodies.rigid.rigid_bodies import FixedBody
 from ....problems.motion.bodies.rigid.shapes import HalfSpace
 from .meshes import Mesh
 
-LEVEL = 0.7
+MIN_GROUND_NORMAL = 0.7
 """Vertical component of the unit normal above which a plane is ground, not a wall."""
 
-LINES = 5
+MIN_LINES = 5
 """Smallest number of lines from the middle of the ground to its edge."""
 
 
@@ -77,14 +77,14 @@ class Rectangle:
 
 def grid_spacing(half_width: float) -> float:
     """Return the spacing of lines on the ground: 1, 2 or 5 times a power of ten [m]."""
-    largest = half_width / LINES
+    largest = half_width / MIN_LINES
     power = 10.0 ** np.floor(np.log10(largest))
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= largest))
 
 
 def is_ground(body: FixedBody) -> bool:
     """Return whether a fixed body is a half-space that is at most moderately inclined."""
-    return isinstance(body.shape, HalfSpace) and bool(_normal(body)[2] > LEVEL)
+    return isinstance(body.shape, HalfSpace) and bool(_normal(body)[2] > MIN_GROUND_NORMAL)
 
 
 def faces(body: FixedBody, direction: Sequence[float]) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ...store.condition import chart_notes
-from ...store.frames import RunFrames
+from ...store.frames import POINT, RunFrames
 from ...store.outcome import Outcome
 from ...store.store import plain_name
 from ..endings import case_endings
@@ -109,9 +109,7 @@ def trajectory_chart(frames: RunFrames, problem: str) -> alt.VConcatChart:
     line is the standard error, over seeds, of the reference itself.
     """
     trajectory, styles = frames.info.plan.trajectory(problem), solver_styles(frames.info.plan.solvers)
-    points = frames.points[frames.points["problem"] == problem].merge(
-        frames.errors, on=["problem", "solver", "tolerance"], suffixes=("", "_of")
-    )
+    points = frames.points[frames.points["problem"] == problem].merge(frames.errors, on=POINT, suffixes=("", "_of"))
     floor_error = np.maximum(MIN_SHARE * points["high"], MIN_RESIDUAL)
     points = points.assign(
         wall=points["total_seconds"],
@@ -282,9 +280,9 @@ def _curves(frames: RunFrames, problem: str) -> pd.DataFrame:
 
 def _drawable(rows: pd.DataFrame, problem: str) -> pd.DataFrame:
     """Return the rows of a problem with a finite residual, which a logarithmic axis can show."""
-    chosen = rows[rows["problem"] == problem]
-    residual = chosen["residual"].astype(float).clip(lower=MIN_RESIDUAL)
-    drawable: pd.DataFrame = chosen.assign(residual=residual)[np.isfinite(residual)]
+    own = rows[rows["problem"] == problem]
+    residual = own["residual"].astype(float).clip(lower=MIN_RESIDUAL)
+    drawable: pd.DataFrame = own.assign(residual=residual)[np.isfinite(residual)]
     return drawable
 
 

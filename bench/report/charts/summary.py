@@ -9,7 +9,7 @@ import pandas as pd
 from ...store.condition import chart_notes
 from ...store.frames import RunFrames
 from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
-from ..cells import duration, exponent
+from ..cells import duration, exponent, solved_texts
 from ..layout.text import counted
 from .drawing import FONT_SIZE, LEGEND_WIDTH, TIME_AXIS, TIME_TITLE, by_name, heading, log_scale, stacked
 from .palette import PALETTE, solver_styles
@@ -52,8 +52,8 @@ def time_chart(frames: RunFrames) -> alt.VConcatChart:
         reached = f"{own['seconds'].notna().sum()} of {len(own)}"
         rows.append({"solver": solver, "accuracy": accuracy, "milliseconds": mean, "reached": reached})
     means = pd.DataFrame(rows)
-    both = pd.concat([results[["milliseconds"]], means[["milliseconds"]]]).dropna()
-    scale = log_scale(both if len(both) else pd.DataFrame({"milliseconds": [1e3 * limit]}), ["milliseconds"])
+    all_times = pd.concat([results[["milliseconds"]], means[["milliseconds"]]]).dropna()
+    scale = log_scale(all_times if len(all_times) else pd.DataFrame({"milliseconds": [1e3 * limit]}), ["milliseconds"])
     panels = [
         _time_panel(frames, results, means, accuracy, scale, has_names=k == 0)
         for k, accuracy in enumerate(means["accuracy"].unique())
@@ -99,10 +99,7 @@ def families_chart(frames: RunFrames) -> alt.VConcatChart:
         tag = accuracy_tag(accuracy)
         cells = table[["family", "solver"]].assign(
             share=table[f"correct_{tag}"],
-            solved=[
-                f"{round(share * count)}/{count}"
-                for share, count in zip(table[f"correct_{tag}"], table["problems"], strict=True)
-            ],
+            solved=solved_texts(table, f"correct_{tag}"),
             mean=table[f"mean_time_{tag}"].map(duration),
         )
         title = f"to a {frames.residual} residual of {exponent(accuracy)}"
@@ -130,6 +127,7 @@ def _run_chart(
 def _time_panel(
     frames: RunFrames, results: pd.DataFrame, means: pd.DataFrame, accuracy: float, scale: alt.Scale, has_names: bool
 ) -> alt.LayerChart:
+    """Return the times to one accuracy: a tick for each problem, and a large mark for the mean of each solver."""
     styles = solver_styles(frames.info.plan.solvers)
     colour = by_name(alt.Color, "solver", styles, "colour")
     columns = ["solver", "accuracy", "problem", "milliseconds"]

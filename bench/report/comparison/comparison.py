@@ -9,17 +9,15 @@ from html import escape
 import pandas as pd
 
 from ...errors import BenchError
-from ...store.frames import RunFrames
+from ...store.frames import CASE, POINT, RunFrames
 from ...store.outcome import Outcome
-from .pairing import CASE, pair
+from ..layout.text import titled_names
+from .pairing import pair
 from .solved_changes import SOLVED, UNSOLVED, find_solved_changes
 from .times import Times, compare_times
 
 SLOWDOWN = 0.1
 """Relative slowdown or speed-up above which a verdict names a solver."""
-
-POINT = ("problem", "solver", "tolerance")
-"""Columns that identify a point."""
 
 MAX_NAMED = 3
 """Largest number of names of each kind in a verdict."""
@@ -90,12 +88,12 @@ class Comparison:
     def verdict(self) -> str:
         """The differences in one sentence."""
         parts = [
-            _listed("slower", self.slower()),
-            _listed("no longer solved", _points_in_words(self.changed(UNSOLVED))),
-            _listed("faster", self.faster()),
-            _listed("newly solved", _points_in_words(self.changed(SOLVED))),
+            titled_names("slower", self.slower(), MAX_NAMED),
+            titled_names("no longer solved", _points_in_words(self.changed(UNSOLVED)), MAX_NAMED),
+            titled_names("faster", self.faster(), MAX_NAMED),
+            titled_names("newly solved", _points_in_words(self.changed(SOLVED)), MAX_NAMED),
         ]
-        changes = "; ".join(part for part in parts if part)
+        changes = "; ".join(filter(None, parts))
         solved = changes or "both runs solve the same points"
         if self.incomparable_reason:
             return f"cannot tell which solvers are slower or faster: {self.incomparable_reason}; {solved}"
@@ -132,7 +130,7 @@ class Comparison:
             if slowdown is not None and (self.incomparable_reason or not self.has_intervals):
                 sentences.append(f"{condition} cannot be decided: {self.incomparable_reason or self._undecided_reason}")
             elif names:
-                sentences.append(f"{condition}: {_names(names)}")
+                sentences.append(titled_names(condition, names, MAX_NAMED))
         return sentences
 
     def _texts_with_ratios(self, solvers: pd.DataFrame, cases: pd.DataFrame) -> list[str]:
@@ -183,12 +181,3 @@ def _points_in_words(changes: pd.DataFrame) -> list[str]:
     """Return changes as text, with the coarsest accuracy of each solver and problem."""
     coarsest = changes.sort_values("accuracy", ascending=False, kind="stable").drop_duplicates(CASE)
     return [f"{row.solver} on {row.problem} to {row.accuracy:.0e}" for row in coarsest.itertuples()]
-
-
-def _listed(title: str, names: list[str]) -> str:
-    return f"{title}: {_names(names)}" if names else ""
-
-
-def _names(names: list[str]) -> str:
-    more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
-    return ", ".join(names[:MAX_NAMED]) + more

@@ -16,8 +16,9 @@ from ...store.condition import (
     require_comparable,
     warnings,
 )
-from ...store.frames import RunFrames
+from ...store.frames import CASE, RunFrames
 from ...store.records import Machine
+from ..layout.text import titled_names
 
 MAX_SPEED_DIFFERENCE = 0.08
 """Largest relative difference between the median probes of two comparable runs."""
@@ -27,9 +28,6 @@ MAX_EXCLUDED_SHARE = 0.5
 
 MAX_NAMES = 5
 """Largest number of names in a sentence."""
-
-CASE = ["problem", "solver"]
-"""Columns that identify a case."""
 
 
 @dataclass(frozen=True)
@@ -112,30 +110,27 @@ def _common_cases(before: RunFrames, after: RunFrames) -> tuple[pd.DataFrame, li
     """Return problem and solver of common cases with equal digests and starts, and sentences about omitted cases."""
     digests = [dict(zip(run.cases["problem"], run.cases["digest"], strict=True)) for run in (before, after)]
     changed = [name for name, digest in digests[0].items() if digests[1].get(name, digest) != digest]
-    notes = [_listing("omitted because the numbers of these problems differ", changed)]
+    notes = [titled_names("omitted because the numbers of these problems differ", changed, MAX_NAMES)]
     for column in CASE:
         sets = [dict.fromkeys(run.cases[column]) for run in (before, after)]
         for run, own, other in ((before, sets[0], sets[1]), (after, sets[1], sets[0])):
-            notes.append(_listing(f"{column}s only in {run.folder}", [name for name in own if name not in other]))
-    compared = [*CASE, "threads", "threads_used", "start"]
-    both = before.cases[compared].merge(after.cases[compared], on=CASE)
-    both = both[~both["problem"].isin(changed)]
+            names = [name for name in own if name not in other]
+            notes.append(titled_names(f"{column}s only in {run.folder}", names, MAX_NAMES))
+    columns = [*CASE, "threads", "threads_used", "start"]
+    common = before.cases[columns].merge(after.cases[columns], on=CASE)
+    common = common[~common["problem"].isin(changed)]
     for column, key, difference in (
         ("threads", "solver", "the declared numbers of threads of these solvers differ"),
         ("threads_used", "solver", "the numbers of threads that these solvers use differ"),
         ("start", "problem", "the starts of warm solvers differ on these problems"),
     ):
-        is_equal = both[f"{column}_x"] == both[f"{column}_y"]
+        is_equal = common[f"{column}_x"] == common[f"{column}_y"]
         if column == "threads_used":  # 0 is unknown, for example of a case that failed
-            is_equal |= (both["threads_used_x"] == 0) | (both["threads_used_y"] == 0)
-        notes.append(_listing(f"omitted because {difference}", list(dict.fromkeys(both[key][~is_equal]))))
-        both = both[is_equal]
-    return both[CASE], [note for note in notes if note]
-
-
-def _listing(title: str, names: list[str]) -> str:
-    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
-    return f"{title}: {', '.join(names[:MAX_NAMES])}{more}" if names else ""
+            is_equal |= (common["threads_used_x"] == 0) | (common["threads_used_y"] == 0)
+        names = list(dict.fromkeys(common[key][~is_equal]))
+        notes.append(titled_names(f"omitted because {difference}", names, MAX_NAMES))
+        common = common[is_equal]
+    return common[CASE], [note for note in notes if note]
 
 
 def _restricted(run: RunFrames, keys: pd.DataFrame, tolerances: Iterable[float]) -> RunFrames:

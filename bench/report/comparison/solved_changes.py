@@ -2,9 +2,10 @@
 
 import pandas as pd
 
-from ...store.frames import RunFrames
+from ...store.frames import CASE, RunFrames
 from ...store.outcome import Outcome
-from .pairing import CASE, Pairing
+from ..accuracy import TOLERANCE_ROUNDING
+from .pairing import Pairing
 from .times import reaching_tolerances
 
 SOLVED, UNSOLVED, UNDECIDED = "solved", "unsolved", "undecided"
@@ -58,7 +59,7 @@ def _ending(
         reason = f"{case_row['outcome']}, {case_row['reason']}"
         return bool(case_row["outcome"] == Outcome.TIMEOUT and is_explained), reason
     points = _rows_of_case(other.points, case)
-    finer = points[points["tolerance"] <= accuracy * (1.0 + 1e-9)]
+    finer = points[points["tolerance"] <= accuracy * (1.0 + TOLERANCE_ROUNDING)]
     if finer.empty:
         return not case_row["is_finished"], "not measured"
     point = finer.sort_values("tolerance").iloc[-1]

@@ -26,9 +26,9 @@ import pandas as pd
 from scipy import special
 
 from ....problems.arrays import FloatArray
-from ...store.frames import RunFrames
+from ...store.frames import CASE, RunFrames
 from ...store.ratios import MIN_PAIRS, MIN_ROUNDS, bootstrap_ratio, counted_rounds, reaching
-from .pairing import CASE, Pairing
+from .pairing import Pairing
 
 RUN_SPREAD = 0.04
 """Standard deviation of the common shift in the logarithms of the times of two runs of the same program."""

@@ -6,9 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from ....problems.errors import error_text
-from ....problems.exchange.files.atomic_file import replacing
 from ...errors import BenchError, UnwritableError
-from ...store.store import check_links_inside
+from ...store.store import check_links_inside, put_file
 
 OTHER_FORMATS = (".pdf", ".jpg", ".jpeg", ".gif", ".eps", ".html", ".webp", ".tif", ".tiff", ".bmp")
 """Suffixes of formats in which charts are not written."""
@@ -22,14 +21,7 @@ def write_file(file: Path, content: bytes) -> Path:
         UnwritableError: if the file cannot be written.
     """
     check_links_inside(file, file.parent)
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(file) as opened:
-            opened.write(content)
-    except OSError as error:
-        raise UnwritableError(
-            f"cannot write {file}: {error.strerror}; choose a writable place with free space."
-        ) from None
+    put_file(file, content, "choose a writable place with free space", UnwritableError)
     return file
 
 

@@ -3,11 +3,12 @@
 import json
 import re
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
 from ....problems.representation import counted as counted
+from ....problems.representation import first_names
 
 PIPE_WIDTH = 1000
 """Line width for files and pipes, so that names and commands are not wrapped."""
@@ -36,8 +37,7 @@ def markdown_table(headings: Iterable[object], rows: Iterable[Iterable[object]])
 
 def markdown_frame(shown: Any) -> str:
     """Return a pandas frame of strings as a Markdown table, with escaped cells."""
-    columns = [inline(column).replace("\n", " ") for column in shown.columns]
-    return markdown_table(columns, shown.map(inline).itertuples(index=False))
+    return markdown_table(map(inline, shown.columns), shown.map(inline).itertuples(index=False))
 
 
 def latex_table(shown: Any) -> str:
@@ -70,6 +70,11 @@ def _inert(value: Any) -> Any:
     except ValueError:
         return f"'{text}"
     return text
+
+
+def titled_names(title: str, names: Sequence[str], max_names: int) -> str:
+    """Return a title with the ``first_names`` after a colon; empty without names."""
+    return f"{title}: {first_names(names, max_names)}" if names else ""
 
 
 def print_json(document: Any) -> None:

@@ -14,10 +14,11 @@ function themed(chart, solvers) {
   for (const solver of solvers) colours[solver.colour] ??= `var(${solver.variable})`;
   const own = (value) => colours[value] ?? value;
   const isColour = (key) => ["fill", "stroke", "value", "range"].includes(key);
-  const made = JSON.parse(JSON.stringify(chart), (key, value) =>
+  const specification = JSON.parse(JSON.stringify(chart), (key, value) =>
     (!isColour(key) ? value : Array.isArray(value) ? value.map(own) : typeof value === "string" ? own(value) : value));
-  for (const [part, colour] of Object.entries(THEME)) made.config[part] = { ...made.config[part], ...colour };
-  return made;
+  const { config } = specification;
+  for (const [part, colour] of Object.entries(THEME)) config[part] = { ...config[part], ...colour };
+  return specification;
 }
 
 // Makes a signal the title of the axis of shares.

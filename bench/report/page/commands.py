@@ -6,9 +6,6 @@ from ....problems.errors import ProblemError
 from ....problems.exchange.catalog import suite_members
 from ...store.records import RunRecord
 
-MEBIBYTE = 2**20
-"""Number of bytes in a mebibyte."""
-
 LINE_BREAK = " \\\n  "
 """Line continuation of a shell command."""
 
@@ -36,7 +33,7 @@ def protocol_options(run: RunRecord) -> str:
         "seed": plan.seed,
         "solve-seconds": f"{limits.solve_seconds:g}",
         "case-seconds": f"{limits.case_seconds:g}",
-        "memory": round(limits.memory_bytes / MEBIBYTE),
+        "memory": round(limits.memory_bytes / 2**20),
     }
     lines = [
         " ".join(option("tolerance", f"{tolerance:g}") for tolerance in plan.tolerances),

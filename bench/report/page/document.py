@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...store.condition import drift, run_state
-from ...store.frames import JUDGED, RunFrames
+from ...store.frames import CASE, JUDGED, RunFrames
 from ...store.ratios import reaching
 from ...store.records import Machine
 from ...store.store import plain_name
@@ -27,7 +27,7 @@ from ..accuracy import (
 from ..charts.palette import on_dark, solver_styles
 from ..charts.profiles import SHARE
 from ..charts.templates import ROWS, templates
-from ..endings import CASE, attempted_points, case_endings, join_texts
+from ..endings import attempted_points, case_endings, join_texts
 from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
 from .commands import option, protocol_options, repeat_command
 
@@ -87,9 +87,9 @@ def _first_drawable(frames: RunFrames) -> str:
     points = frames.points[np.isfinite(frames.points["residual"]) & frames.points["total_seconds"].notna()]
     residuals = points.groupby("problem")["residual"].nunique()
     iterations = frames.iterations.groupby("problem")["iteration"].nunique()
-    both = set(residuals.index[residuals > 1]) & set(iterations.index[iterations > 2])
+    drawable = set(residuals.index[residuals > 1]) & set(iterations.index[iterations > 2])
     problems = list(dict.fromkeys(frames.cases["problem"]))
-    candidates = (name for group in (both, set(points["problem"])) for name in problems if name in group)
+    candidates = (name for group in (drawable, set(points["problem"])) for name in problems if name in group)
     return str(next(candidates, problems[0]))
 
 
@@ -144,6 +144,7 @@ def _machine(frames: RunFrames) -> dict[str, list[tuple[str, str]]]:
 
 
 def _hardware(machine: Machine) -> dict[str, Any]:
+    """Return the facts about a machine and its software by name."""
     pools = dict.fromkeys(f"{pool.internal_api or pool.user_api} {pool.version}" for pool in machine.thread_pools)
     commit = machine.commit or "unknown"
     return {
@@ -159,6 +160,7 @@ def _hardware(machine: Machine) -> dict[str, Any]:
 
 
 def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
+    """Return one row per solver: model, threads, file name, command-line option, and style."""
     styles = solver_styles(frames.info.plan.solvers)
     threads = threads_by_solver(frames)
     first_cases = frames.cases.drop_duplicates("solver").set_index("solver")
@@ -177,6 +179,7 @@ def _solvers(frames: RunFrames, solvers: list[str]) -> list[dict[str, Any]]:
 
 
 def _problems(frames: RunFrames) -> list[dict[str, Any]]:
+    """Return one row per problem: sizes, digest, file name, command-line option, and whether it has a recording."""
     first_cases = {case["problem"]: case for case in frames.cases.drop_duplicates("problem").to_dict("records")}
     folder = frames.output_folder / RECORDINGS
     return [

@@ -1,14 +1,14 @@
 // Elements of the page. Only this file turns texts of a run into nodes, always text nodes, so that none is markup.
 
 function element(tag, attributes = {}, ...children) {
-  const made = document.createElement(tag);
+  const node = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
-    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
-    else if (value === true) made.setAttribute(name, "");
-    else if (value !== false && value !== undefined) made.setAttribute(name, value);
+    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
+    else if (value === true) node.setAttribute(name, "");
+    else if (value !== false && value !== undefined) node.setAttribute(name, value);
   }
-  made.append(...children.flat().map((child) => (child instanceof Node ? child : String(child))));
-  return made;
+  node.append(...children.flat().map((child) => (child instanceof Node ? child : String(child))));
+  return node;
 }
 
 const place = (id) => document.getElementById(id);
@@ -79,9 +79,9 @@ function table(columns, rows, caption) {
   function cell(one, index) {
     const { text, node, share } = typeof one === "object" ? one : { text: one };
     const kinds = [columns[index].numeric ? "number" : "words", share === undefined ? "" : "share"];
-    const made = element("td", { class: kinds.filter(Boolean).join(" ") }, node ?? text ?? NONE);
-    if (share !== undefined) made.style.setProperty("--share", `${Math.round(100 * share)}%`);
-    return made;
+    const cellNode = element("td", { class: kinds.filter(Boolean).join(" ") }, node ?? text ?? NONE);
+    if (share !== undefined) cellNode.style.setProperty("--share", `${Math.round(100 * share)}%`);
+    return cellNode;
   }
   const value = (one) => (typeof one === "object" ? one.value ?? one.text : one);
   function sort(index) {
@@ -101,8 +101,8 @@ function table(columns, rows, caption) {
     element("th", { scope: "col", class: column.numeric ? "number" : "", "aria-sort": "none" },
       element("button", { type: "button", onclick: () => sort(index) }, column.name)));
   show(rows);
-  const made = element("table", { "aria-label": caption }, element("thead", {}, element("tr", {}, heads)), body);
-  const scroll = element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": caption }, made);
+  const tableNode = element("table", { "aria-label": caption }, element("thead", {}, element("tr", {}, heads)), body);
+  const scroll = element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": caption }, tableNode);
   const frame = element("div", { class: "frame" }, element("p", { class: "cue" }, "Scroll sideways for more columns →"), scroll);
   const mark = () => frame.classList.toggle("cut", scroll.scrollLeft + scroll.clientWidth < scroll.scrollWidth - 1);
   scroll.addEventListener("scroll", mark);

@@ -28,7 +28,7 @@ async function render() {
     (view.problems.length && view.solvers.length ? "" : "; nothing matches the filters: select more");
   place("key").replaceChildren(...view.solvers.map((solver) => element("span", {}, swatch(solver), solver.name)));
   place("baseline-name").textContent = view.baseline;
-  for (const [name, made] of Object.entries(TABLES)) fill(`${name}-table`, made(view));
+  for (const [name, makeTable] of Object.entries(TABLES)) fill(`${name}-table`, makeTable(view));
   place("profiles-over").textContent = `Shares are ${profileView(view, view.isCommon).over}.`;
   place("performance-threads").textContent = otherThreads(profileView(view, view.isCommon));
   place("speedup-threads").textContent = otherThreads(view, view.baseline);
@@ -37,14 +37,14 @@ async function render() {
     const shown = name === "speedup" ? own : profileView(own, view.isCommon);
     return { label: family, rows: part.problems.length ? PROFILES[name](shown) : [], axis: shown.axis };
   };
-  const drawn = Object.entries(figures).map(([name, figure]) => figure.show(parts.map((part) => group(name, part))));
-  await Promise.all([...drawn, renderDetail(view)]);
+  const drawings = Object.entries(figures).map(([name, figure]) => figure.show(parts.map((part) => group(name, part))));
+  await Promise.all([...drawings, renderDetail(view)]);
 }
 
 async function renderDetail(view) {
-  const drawn = [];
+  const drawings = [];
   const across = { cost: "residual", convergence: "iteration" };
-  const show = (id, name, rows) => drawn.push(new Figure(run, name, id, across[name]).show([{ label: "", rows }]));
+  const show = (id, name, rows) => drawings.push(new Figure(run, name, id, across[name]).show([{ label: "", rows }]));
   const problem = run.problems.find(({ name }) => name === state.problem);
   const solver = run.solvers.find(({ name }) => name === state.case);
   const names = run.solvers.map(({ name }) => name);
@@ -62,7 +62,7 @@ async function renderDetail(view) {
     show("own-cost", "cost", costRows(run, problem, [solver]));
     show("own-convergence", "convergence", curveRows(run, problem, [solver]));
   }
-  await Promise.all(drawn);
+  await Promise.all(drawings);
 }
 
 function select(label, names, selected, change) {

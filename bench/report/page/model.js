@@ -33,7 +33,7 @@ const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.
 const least = (values) => values.reduce((low, value) => (Number.isNaN(value) || low <= value ? low : value), NaN);
 const most = (values) => -least(values.map((value) => -value));
 
-// The solvers of a view that compute in as many threads as the baseline, or in the fewest of the view without one.
+// The solvers of a view that use as many threads as the baseline or, without a baseline, the fewest of the view.
 // Only their times are compared.
 function withThreads(view, baseline = null) {
   const known = view.run.solvers.find(({ name }) => name === baseline);
@@ -43,8 +43,8 @@ function withThreads(view, baseline = null) {
 
 // A note that names the solvers that `withThreads` leaves out; empty if there are none.
 function otherThreads(view, baseline = null) {
-  const kept = withThreads(view, baseline);
-  const names = view.solvers.filter((solver) => !kept.includes(solver)).map(({ name }) => name);
+  const compared = withThreads(view, baseline);
+  const names = view.solvers.filter((solver) => !compared.includes(solver)).map(({ name }) => name);
   return names.length ? `Without solvers that use another number of threads: ${names.join(", ")}.` : "";
 }
 

@@ -78,12 +78,12 @@ function failuresTable(view, all = false) {
   const failed = casesOf(view).filter(({ outcome }) => outcome !== "solved" && outcome !== "unsupported");
   const shown = all ? failed : failed.slice(0, MAX_ROWS);
   const columns = ["problem", "solver", "outcome", "reason"].map((name) => ({ name }));
-  const made = table(columns, shown.map((one) => [
+  const failures = table(columns, shown.map((one) => [
     problemLink(view, one.problem), caseLink(view, one, one.solver), one.outcome, one.reason,
   ]), "Cases that are not solved");
-  if (shown.length === failed.length) return made;
+  if (shown.length === failed.length) return failures;
   const more = () => fill("failures-table", failuresTable(view, true));
-  return element("div", {}, made, element("button", { type: "button", onclick: more }, `Show all ${failed.length}`));
+  return element("div", {}, failures, element("button", { type: "button", onclick: more }, `Show all ${failed.length}`));
 }
 
 // One row for each solver and reason.

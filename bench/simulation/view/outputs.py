@@ -1,12 +1,12 @@
-"""The chart and the recording of a simulation: choose, check and write their files."""
+"""The chart and the recording of a simulation: choose and check their files."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...report.layout.output_file import check_pictures_writable, check_writable, draw_pictures, picture_files
+from ...report.layout.output_file import check_pictures_writable, check_writable, picture_files
 
 
 @dataclass(frozen=True)
@@ -62,33 +62,17 @@ def choose_outputs(
     Raises:
         BenchError: if a file cannot be written, or is another existing file and ``force`` is not given.
     """
-    chosen = SimulationOutputs(chart or own.chart, recording or own.recording)
-    if chosen.chart is not None:
-        is_own_file = own.chart is not None and _picture(own.chart) == _picture(chosen.chart)
-        check_pictures_writable(chosen.chart, force or is_own_file)
-    if chosen.recording is not None:
-        is_own_file = own.recording is not None and os.path.abspath(own.recording) == os.path.abspath(chosen.recording)
+    outputs = SimulationOutputs(chart or own.chart, recording or own.recording)
+    if outputs.chart is not None:
+        is_own_file = own.chart is not None and _picture(own.chart) == _picture(outputs.chart)
+        check_pictures_writable(outputs.chart, force or is_own_file)
+    if outputs.recording is not None:
+        is_own_file = own.recording is not None and os.path.abspath(own.recording) == os.path.abspath(outputs.recording)
         from ...recordings.file import check_recording_path  # rerun takes a second to import
 
-        check_recording_path(chosen.recording, force or is_own_file)
-        check_writable([chosen.recording], force or is_own_file)
-    return chosen
-
-
-def write_recording(record: Callable[[Path], None], recording: Path | None, result: Path) -> list[Path]:
-    """Write the recording of ``result``, if it has one, and return its file.
-
-    Raises:
-        BenchError: if writing fails for any reason, with the command that records it later.
-    """
-    if recording is None:
-        return []
-
-    def write_and_list() -> list[Path]:
-        record(recording)
-        return [recording]
-
-    return draw_pictures(write_and_list, result, "recording", "make it with: proxbench record {}")
+        check_recording_path(outputs.recording, force or is_own_file)
+        check_writable([outputs.recording], force or is_own_file)
+    return outputs
 
 
 def _picture(path: Path) -> str:

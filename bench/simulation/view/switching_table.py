@@ -31,9 +31,9 @@ def print_switches(simulation: Simulation, console: Console) -> None:
     motion = _motion(simulation)
     published = [] if motion is None else [number for number, cycle in enumerate(motion.cycles) if cycle.is_published]
     if motion is not None and published:
-        shown = published[-1]  # the last period that is comparable with the limit cycle
-        console.print(Text(f"complete period {shown + 1} of {len(motion.cycles)}, as in {motion.known.source}"))
-        console.print(_published_table(motion.cycles[shown], simulation.plan.scene.contact_names))
+        last = published[-1]  # the last period that is comparable with the limit cycle
+        console.print(Text(f"complete period {last + 1} of {len(motion.cycles)}, as in {motion.known.source}"))
+        console.print(_published_table(motion.cycles[last], simulation.plan.scene.contact_names))
     elif len(simulation.switches):
         console.print(_switches_table(simulation.switch_events, simulation.plan.scene.contact_names))
 

@@ -70,7 +70,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
     """Return the summary of a simulation as plain values; overlaps are None if a file of an older format lacks them."""
     steps, plan = simulation.steps, simulation.plan
     seconds = simulation.state.time - plan.scene.start.time
-    shown = [observable.name for observable in plan.scene.observables if observable.label and len(steps)]
+    observables = [observable.name for observable in plan.scene.observables if observable.label and len(steps)]
     overlapping = int(simulation.overlapping.sum())
     are_known = overlapping > 0 or not np.isnan(steps["overlap"]).any()
 
@@ -103,7 +103,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "overlapping_steps": overlapping if are_known else None,
         "largest_overlap": float(steps["overlap"][simulation.overlapping].max(initial=0.0)) if are_known else None,
         "largest_contacts": int(largest("contacts")),
-        **{name: steps[name][-1].item() for name in shown},
+        **{name: steps[name][-1].item() for name in observables},
         **_final_errors(simulation),
     }
 
@@ -323,7 +323,7 @@ def _ending_line(simulation: Simulation) -> tuple[str, str] | None:
 
 
 def _window(simulation: Simulation, step_slice: slice, unsolved: int) -> Window:
-    """Return the window of the steps with the indices ``part``, ``unsolved`` of which are unsolved."""
+    """Return the window of the steps with the indices ``step_slice``, ``unsolved`` of which are unsolved."""
     steps = simulation.steps[step_slice]
     last, scene = steps[-1], simulation.plan.scene
     energy = float(last["kinetic_energy"] + last["potential_energy"])

@@ -172,11 +172,11 @@ def read_bundle(path: Path) -> Bundle:
     except ValueError as error:
         raise BenchError(f"{path} is damaged ({error}); {_REMEDY}.") from None
     content = decode_record(text, _Content, str(path), _REMEDY)
-    read = (read_problem(io.BytesIO(packed_file), f"a problem of {path}") for packed_file in content.problems)
-    problems, listed = {problem.digest: problem for problem in read}, content.run.carried
-    if problems.keys() != set(listed.values()):
+    stored = (read_problem(io.BytesIO(packed_file), f"a problem of {path}") for packed_file in content.problems)
+    problems, digests = {problem.digest: problem for problem in stored}, content.run.carried
+    if problems.keys() != set(digests.values()):
         raise BenchError(f"{path} is damaged (its problems differ from its list of problems); {_REMEDY}.")
-    carried = {name: problems[digest].renamed(name) for name, digest in listed.items()}
+    carried = {name: problems[digest].renamed(name) for name, digest in digests.items()}
     return _require_consistent(Bundle(path, content.run, content.cases, carried))
 
 

@@ -116,12 +116,12 @@ def _choose_record(first: tuple[CaseRecord, Bundle], second: tuple[CaseRecord, B
 
 def _require_same_settings(bundles: Sequence[Bundle]) -> None:
     """Raise ``BenchError`` if a bundle was measured with other settings than the first."""
-    first = bundles[0]
+    reference = bundles[0]
     for bundle in bundles[1:]:
         for name, label in (("tolerances", "tolerances"), ("limits", "limits"), ("passes", "number of passes")):
-            if getattr(bundle.run.plan, name) != getattr(first.run.plan, name):
+            if getattr(bundle.run.plan, name) != getattr(reference.run.plan, name):
                 raise BenchError(
-                    f"{bundle.source} has other {label} than {first.source}; merge runs with the same settings."
+                    f"{bundle.source} has other {label} than {reference.source}; merge runs with the same settings."
                 )
 
 
@@ -174,11 +174,11 @@ def _merged_plan(plans: Sequence[PlanRecord]) -> PlanRecord:
 
 def _unique(items: Iterable[Item]) -> list[Item]:
     """Return the items in order, each once; they need not be hashable."""
-    kept: list[Item] = []
+    unique_items: list[Item] = []
     for item in items:
-        if item not in kept:
-            kept.append(item)
-    return kept
+        if item not in unique_items:
+            unique_items.append(item)
+    return unique_items
 
 
 def _write(folder: Path, merged: Bundle) -> None:

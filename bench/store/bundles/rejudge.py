@@ -41,7 +41,6 @@ RELATIVE = 1e-6
 MAX_SIDES = 10**6
 """Largest number of sides of a pyramid; with more, it is a cone up to rounding."""
 
-
 OnCase = Callable[[int, int], None]
 """Called with the number of finished cases and of all cases."""
 
@@ -160,14 +159,14 @@ def _judge_point(measured: Measured, problem: ContactProblem, model: Model, resu
     """
     if worst(measured.impulses) != measured.impulses:
         raise _Disagreement("its impulses are not the worst ones")
-    for index, kept in enumerate(measured.impulses):
+    for index, stored in enumerate(measured.impulses):
         try:
-            impulses = kept.unpacked(problem.n_rows)
+            impulses = stored.unpacked(problem.n_rows)
         except ValueError as error:
             raise _Disagreement(f"its impulses cannot be read: {error}") from None
         recomputed = verdicts(problem, impulses, model)
         perturbed = [verdicts(problem, changed, model) for changed in _perturbed(impulses)]
-        for name, stated, law in (("residual", kept.residual, 1), ("model_residual", kept.model_residual, 0)):
+        for name, stated, law in (("residual", stored.residual, 1), ("model_residual", stored.model_residual, 0)):
             number = recomputed[law].residual
             change = max(abs(number - verdict_pair[law].residual) for verdict_pair in perturbed)
             _compare(name, number_of(stated), number, change)
@@ -177,16 +176,14 @@ def _judge_point(measured: Measured, problem: ContactProblem, model: Model, resu
             _compare_verdict(measured, recomputed[1], [coulomb for _, coulomb in perturbed])
             _compare_answer(measured, problem, impulses)
     for name in ("residual", "model_residual"):
-        if number_of(getattr(measured, name)) != max(number_of(getattr(kept, name)) for kept in measured.impulses):
+        if number_of(getattr(measured, name)) != max(number_of(getattr(stored, name)) for stored in measured.impulses):
             raise _Disagreement(f"its {name.replace('_', ' ')} is not that of its impulses")
 
 
 def _compare_verdict(measured: Measured, recomputed: Verdict, perturbed: Sequence[Verdict]) -> None:
     """Raise ``_Disagreement`` if a number of the stored verdict differs from the recomputed one."""
-    recomputed_values, perturbed_values = (
-        recomputed.numeric_fields(),
-        [verdict.numeric_fields() for verdict in perturbed],
-    )
+    recomputed_values = recomputed.numeric_fields()
+    perturbed_values = [verdict.numeric_fields() for verdict in perturbed]
     if set(measured.verdict) != set(recomputed_values):
         raise _Disagreement("its verdict does not have the entries of that of the judge")
     for name, number in recomputed_values.items():

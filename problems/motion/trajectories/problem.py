@@ -117,7 +117,8 @@ class EndPosition(_TrajectoryMeasure):
 
     Attributes:
         known: coordinates of the known position, as q0, q1, …
-        scale: reference length of differences [m]: the longest path of a coordinate, or the length of the scene.
+        scale: reference length of differences [m]: the largest displacement of a coordinate from the start to the end,
+            at least the length of the scene.
     """
 
     known: Values = field(default_factory=dict)

@@ -42,14 +42,11 @@ class Fake(LadderCase[None]):
     def measure(self, value: float, number: int) -> None:
         return None
 
-    def needs_round(self, answers: Sequence[None]) -> bool:
+    def needs_round(self, results: Sequence[None]) -> bool:
         return False
 
-    def point(self, value: float, answers: list[None]) -> Point:
+    def point(self, value: float, results: list[None]) -> Point:
         raise NotImplementedError
-
-    def joined(self, before: Point, now: Point) -> Point:
-        return now
 
     def reason_to_stop(self, point: Point) -> str:
         return ""

@@ -68,7 +68,7 @@ def solved_case(
             residual=judged.coulomb.residual,
             model_residual=judged.own.residual,
             verdict=judged.coulomb.numeric_fields(),
-            impulses=judged.kept,
+            impulses=judged.worst_impulses,
             impulse_error=judged.impulse_error(problem),
         )
         status = solution.status.value

@@ -14,7 +14,10 @@ MAX_CONTACTS = 100_000
 
 
 class DartEngine:
-    """A scene in DART."""
+    """A scene in DART.
+
+    Options: ``detector``, ``sweeps`` (iteration limit of the matrix-free solver), and ``nsgs`` (whether NSGS is used).
+    """
 
     def __init__(self, description: Description, time_step: float, options: dict[str, Any]) -> None:
         library = import_module("dartpy")
@@ -118,9 +121,5 @@ def _body_name(collision_object: Any) -> str:
     return name
 
 
-def build(description: Description, time_step: float, options: dict[str, Any]) -> DartEngine:
-    """Build a scene.
-
-    Options: ``detector``, ``sweeps`` (iteration limit of the matrix-free solver), and ``nsgs`` (whether NSGS is used).
-    """
-    return DartEngine(description, time_step, options)
+build = DartEngine
+"""Builds a scene."""

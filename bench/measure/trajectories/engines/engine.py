@@ -14,7 +14,7 @@ INSTALL = 'pip install ".[engines]" in a clone of proxbench'
 
 
 class Engine(Protocol):
-    """A scene built in an engine. Modules of engines have a function ``build(description, time_step, options)``."""
+    """A scene built in an engine, by the function ``build(description, time_step, options)`` of its module."""
 
     def step(self) -> None:
         """Advance by one step."""
@@ -53,6 +53,7 @@ def _setting(name: str, step_factor: float = 1.0, **options: Any) -> Setting:
 
 
 _STIFF: dict[str, Any] = {"cone": "elliptic", "impratio": 10, "stiff": True}
+"""Options of MuJoCo for nearly rigid contacts."""
 
 ENGINES: dict[str, EngineKind] = {
     "mujoco": EngineKind(

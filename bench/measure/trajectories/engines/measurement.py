@@ -100,9 +100,9 @@ def motion_of(times: Sequence[float] | np.ndarray, frames: Sequence[BodyStates])
 def measure_setting(scene: str, engine: str, setting: str) -> Measurement:
     """Measure one run in this process, given the names of its scene, engine and setting."""
     description = describe(scene)
-    chosen = next(known for known in ENGINES[engine].settings if known.name == setting)
-    time_step = description.step * chosen.step_factor
-    motion, wall, processor, solved = measure(description, build(engine, description, chosen), time_step)
+    engine_setting = next(known for known in ENGINES[engine].settings if known.name == setting)
+    time_step = description.step * engine_setting.step_factor
+    motion, wall, processor, solved = measure(description, build(engine, description, engine_setting), time_step)
     errors = description.measure(description, motion) if np.isfinite(motion.positions).all() else ()
     solved_again = solved if len(description.bodies) <= MAX_BODIES_SOLVED_AGAIN else []
     return Measurement(

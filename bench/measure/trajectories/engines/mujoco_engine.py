@@ -17,7 +17,7 @@ STIFF_IMPEDANCE = "0.99 0.9999 0.0001"
 
 
 class MuJoCoEngine:
-    """A scene in MuJoCo."""
+    """A scene in MuJoCo; options: ``cone``, ``impratio``, ``solver``, ``iterations``, ``tolerance``, ``stiff``."""
 
     def __init__(self, description: Description, time_step: float, options: dict[str, Any]) -> None:
         self.library = import_module("mujoco")
@@ -74,9 +74,8 @@ class MuJoCoEngine:
         return matrix.reshape(3, 3)
 
 
-def build(description: Description, time_step: float, options: dict[str, Any]) -> MuJoCoEngine:
-    """Build a scene; options: ``cone``, ``impratio``, ``solver``, ``iterations``, ``tolerance``, ``stiff``."""
-    return MuJoCoEngine(description, time_step, options)
+build = MuJoCoEngine
+"""Builds a scene."""
 
 
 def model_xml(description: Description, time_step: float, options: dict[str, Any]) -> str:

@@ -10,7 +10,11 @@ from .solved_problem import SolvedProblem, solved_problem
 
 
 class PyBulletEngine:
-    """A scene in PyBullet."""
+    """A scene in PyBullet.
+
+    Options: ``iterations``, ``maximal_coordinates`` (rigid bodies instead of multibodies), and ``island_size``, the
+    number of constraints up to which islands are solved together.
+    """
 
     def __init__(self, description: Description, time_step: float, options: dict[str, Any]) -> None:
         client = import_module("pybullet_utils.bullet_client")
@@ -88,10 +92,5 @@ class PyBulletEngine:
         return number
 
 
-def build(description: Description, time_step: float, options: dict[str, Any]) -> PyBulletEngine:
-    """Build a scene.
-
-    Options: ``iterations``, ``maximal_coordinates`` (rigid bodies instead of multibodies), and ``island_size``, the
-    number of constraints up to which islands are solved together.
-    """
-    return PyBulletEngine(description, time_step, options)
+build = PyBulletEngine
+"""Builds a scene."""

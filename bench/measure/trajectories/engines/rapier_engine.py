@@ -142,6 +142,5 @@ def _first_tangent(x: float, y: float, z: float) -> FloatArray:
     return np.array([-x * y * scale, -sign - y * y * scale, -y])
 
 
-def build(description: Description, time_step: float, options: dict[str, Any]) -> RapierEngine:
-    """Build a scene; options: ``iterations``, ``friction_model``."""
-    return RapierEngine(description, time_step, options)
+build = RapierEngine
+"""Builds a scene."""

@@ -116,27 +116,27 @@ def compare_engines(
         if scene not in SCENES:
             raise BenchError(f"there is no engine scene {scene!r}{suggestion(scene, SCENES)}")
     versions = {engine: version_of(engine) for engine in engines or ENGINES}
-    machine, load_before, measured = msgspec.to_builtins(this_machine()), os.getloadavg()[0], {}
+    machine, load_before, measurements = msgspec.to_builtins(this_machine()), os.getloadavg()[0], {}
     if earlier is not None:
         _require_comparable(earlier, versions, machine)
         if rounds not in (None, earlier.rounds):
             raise BenchError(f"the earlier runs have {earlier.rounds} rounds, not {rounds}; omit `rounds`.")
-        measured = {(run.scene, run.engine, run.setting): run for run in earlier.measurements if not run.failure}
+        measurements = {(run.scene, run.engine, run.setting): run for run in earlier.measurements if not run.failure}
         versions, rounds = earlier.versions | versions, earlier.rounds
         load_before = max(load_before, *earlier.load)
-    pending = [key for key in _run_keys(scenes or SCENES, engines or ENGINES) if key not in measured]
+    pending = [key for key in _run_keys(scenes or SCENES, engines or ENGINES) if key not in measurements]
     n_finished, rounds, is_interrupted = 0, rounds or 1, False
     try:
         for _ in range(rounds):
             for key in pending:
                 run = (measure or _measure_in_subprocess)(*key)
-                measured[key] = _with_shorter_times(measured.get(key), run)
+                measurements[key] = _with_shorter_times(measurements.get(key), run)
                 on_run(run)
             n_finished += 1
     except KeyboardInterrupt:
         is_interrupted, rounds = True, max(1, n_finished)
     return Comparison(
-        measurements=tuple(measured.values()),
+        measurements=tuple(measurements.values()),
         versions=versions,
         rounds=rounds,
         load=(load_before, os.getloadavg()[0]),

@@ -28,11 +28,17 @@ from .....problems.motion.scenes.scene import OVERLAP
 from .description import Body, Description, Motion, Panel
 
 THROW_SPEED, SLIDING_FRICTION = 6.0, 0.5
+"""Initial speed of the thrown cube [m/s], and friction coefficient of the scenes of one cube."""
+
 HALF_EDGE, CUBE_MASS = 0.1, 8.0
+"""Half the edge length [m] and mass [kg] of the cube of these scenes."""
+
 FACETS = 32
 """Number of flat panels around a funnel."""
 
 WALL_HEIGHT, PANEL_THICKNESS = 0.5, 0.05
+"""Height of the wall above a funnel, and thickness of its panels [m]."""
+
 SETTLED_SECONDS = 0.1
 """Time at the end of a pile over which its overlap is measured [s]."""
 
@@ -60,6 +66,7 @@ def _measure_throw(scene: Description, motion: Motion) -> tuple[float, ...]:
 
 
 def _incline(name: str, slope: float) -> Description:
+    """Return a cube on an incline of the given slope tan θ, on which it slides or rests."""
     angle = np.arctan(slope)
     cube = Body(True, HALF_EDGE, CUBE_MASS, (0.0, 0.0, HALF_EDGE))
     gravity = (STANDARD_GRAVITY * float(np.sin(angle)), 0.0, -STANDARD_GRAVITY * float(np.cos(angle)))

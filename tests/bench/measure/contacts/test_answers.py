@@ -31,7 +31,7 @@ def test_the_worst_answer_counts_under_either_law(order: int) -> None:
     assert max(judge(PROBLEM, SLIDES).residual, judge(PROBLEM, ASSOCIATED, Model.CONVEX).residual) <= 1e-15
     assert found.own.residual == judge(PROBLEM, SLIDES, Model.CONVEX).residual > 0.1
     assert found.coulomb.residual == judge(PROBLEM, ASSOCIATED).residual > 0.1
-    assert {one.unpacked(3).tobytes() for one in found.kept} == {SLIDES.tobytes(), ASSOCIATED.tobytes()}
+    assert {one.unpacked(3).tobytes() for one in found.worst_impulses} == {SLIDES.tobytes(), ASSOCIATED.tobytes()}
     assert found.outcome is Outcome.WRONG
 
 

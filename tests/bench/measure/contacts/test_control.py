@@ -115,8 +115,8 @@ def of_one_solve(seconds: float) -> TimedRound:
 
 def test_work_beyond_the_clock_of_the_process_is_a_fault() -> None:
     account = ClockAccount(PROBLEM)
-    assert account.fault(of_one_solve(1.0), worked=1.0 + SHARE + ROUND_SECONDS) is None
-    fault = account.fault(of_one_solve(0.0), worked=ALLOWANCE_SECONDS + 0.1)
+    assert account.fault(of_one_solve(1.0), processor_seconds=1.0 + SHARE + ROUND_SECONDS) is None
+    fault = account.fault(of_one_solve(0.0), processor_seconds=ALLOWANCE_SECONDS + 0.1)
     assert fault is not None
     assert "s in rounds, of which its own clock explains 1.0" in fault
 
