@@ -17,21 +17,21 @@ def as_read_only(array: "np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
     return array
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def _cast(typing_context: Any, array: Any) -> Any:
     constant = array.copy(readonly=True)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return impl_ret_borrowed(context, builder, signature.return_type, arguments[0])
+        return impl_ret_borrowed(context, builder, signature.return_type, arguments[0])  # type: ignore[no-untyped-call]
 
     return constant(array), generate
 
 
-@overload(as_read_only)  # type: ignore[untyped-decorator]
+@overload(as_read_only)
 def _as_read_only(array):  # type: ignore[no-untyped-def]
     if not isinstance(array, types.Array):
         return None
-    return lambda array: _cast(array)
+    return lambda array: _cast(array)  # type: ignore[call-arg]
 
 
 @njit(cache=True, error_model="numpy")

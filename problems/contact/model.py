@@ -1,8 +1,9 @@
 """The mathematical model that a solver solves, which need not be Coulomb's."""
 
 from dataclasses import dataclass
-from numbers import Integral
 from typing import ClassVar, Literal
+
+import numpy as np
 
 from ..errors import ProblemError
 
@@ -36,7 +37,7 @@ class Model:
         Raises:
             ProblemError: if ``sides`` is not a whole number of at least 3.
         """
-        if not isinstance(sides, Integral) or sides < 3:
+        if not isinstance(sides, int | np.integer) or sides < 3:
             raise ProblemError(f"a friction pyramid needs a whole number of at least 3 sides, got {sides!r}.")
         return Model("pyramid", int(sides))
 

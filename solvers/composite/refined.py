@@ -48,8 +48,9 @@ class Refined(Method):
     solver: FixedPointMethod
 
     def __post_init__(self) -> None:
-        if not isinstance(self.solver, FixedPointMethod):
-            shown = getattr(self.solver, "name", repr(self.solver))
+        solver: object = self.solver
+        if not isinstance(solver, FixedPointMethod):
+            shown = getattr(solver, "name", repr(solver))
             raise SolverError(
                 f"Refined cannot refine {shown}, which does not offer its iterates; "
                 "use ClarabelCoulomb or CvxpyCoulomb."
