@@ -87,6 +87,14 @@ def make_study_plan(
     return Plan(record, (), tuple(study_methods))
 
 
+def _is_seed(member: float) -> bool:
+    return member >= 0.0 and member.is_integer()
+
+
+def _is_factor(member: float) -> bool:
+    return 0.0 < member < math.inf
+
+
 def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:
     """Return the record of a trajectory, before its reference is simulated, and the scene."""
     plain, options = parse_scene(scene)
@@ -103,7 +111,8 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
         if len(set(members)) < MIN_SEEDS:
             raise BenchError(f"a study over seeds needs at least {MIN_SEEDS} different seeds, got {len(set(members))}.")
     member_values = list(dict.fromkeys(map(float, NEIGHBOURS if members is None else members)))
-    invalid = next((member for member in member_values if not (0.0 <= member < math.inf and (is_pour or member))), None)
+    valid = _is_seed if is_pour else _is_factor
+    invalid = next((member for member in member_values if not valid(member)), None)
     if invalid is not None or not member_values:
         value_text = "none" if invalid is None else invalid
         raise BenchError(f"members must be {'seeds' if is_pour else 'positive factors'}, got {value_text}.")

@@ -95,6 +95,7 @@ def test_a_solver_that_is_named_is_compared_too() -> None:
         ("funel", {}, "there is no scene 'funel'; did you mean 'funnel'"),
         ("funnel", {"members": [1]}, "at least 2"),
         ("funnel", {"members": [1, -2]}, r"members must be seeds, got -2\.0"),
+        ("funnel", {"members": [1.2, 1.7]}, r"members must be seeds, got 1\.2"),
         ("bouncing_ball", {"members": [0.0]}, "positive factors, got 0"),
         ("bouncing_ball", {"members": []}, "positive factors, got none"),
         ("funnel(balls=0)", {}, "balls"),

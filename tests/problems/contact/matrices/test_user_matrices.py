@@ -79,3 +79,13 @@ def test_exactly_the_matrices_whose_indices_ascend_and_whose_entries_are_finite_
         elif change != "none":
             data[rng.integers(len(data))] = rng.choice([-np.inf, np.inf]) if change == "infinite" else np.nan
         assert _is_in_order(matrix.indptr, indices, data, 9) == (change == "none")
+
+
+@pytest.mark.parametrize("kind", [sp.csr_array, sp.csc_array])
+def test_indices_of_64_bits_that_fit_are_stored_in_32_bits(kind: type[sp.csr_array]) -> None:
+    """Kernels are then compiled for one index type."""
+    matrix = kind(np.array([[2.0, 1.0], [1.0, 2.0]]))
+    matrix.indices, matrix.indptr = matrix.indices.astype(np.int64), matrix.indptr.astype(np.int64)
+    stored = read_matrix(matrix, "G", sp.csr_array)
+    assert stored.indices.dtype == stored.indptr.dtype == np.int32
+    assert np.array_equal(stored.toarray(), [[2.0, 1.0], [1.0, 2.0]])
