@@ -47,7 +47,8 @@ class StepRow:
         status: status of the solve with the largest judged residual, as an index into the statuses of the simulation.
         kinetic_energy: kinetic energy at the end of the step [J].
         potential_energy: potential energy at the end of the step [J], NaN if unknown.
-        penetration: largest penetration at the beginning of one-step solves, relative to the length of the scene.
+        penetration: largest penetration at the beginning of one-step solves, relative to the length of the scene. It is
+            extrapolated linearly from the midpoint, which exaggerates it if bodies pass each other fast.
         impact_depth: largest penetration at their midpoints, where contacts are detected, relative to this length.
         overlap: largest penetration at the ends of one-step solves whose projection of positions did not reach its
             tolerance, relative to this length; 0 if there are none, NaN in files of an older format.
