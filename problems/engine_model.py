@@ -33,7 +33,6 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from .arrays import FloatArray, IntArray, compressed_arrays, compressed_matrix, frozen, read_only
-from .contact.answer import ratio
 from .errors import ProblemError
 
 _VECTORS = ("regularisation", "offset", "kind", "first_row", "coefficient", "bound")
@@ -368,7 +367,9 @@ def judge_own_model(model: EngineModel, forces: ArrayLike) -> float:
     projected = _projection(model, sets, point)
     violation = np.where(alpha > 0.0, alpha * (force - projected), slope)
     worst = float(np.sqrt(np.add.reduceat(violation**2, model.first_row).max()))
-    return ratio(worst, model.scale)
+    if worst == 0.0:
+        return 0.0
+    return worst / model.scale if worst < np.inf and model.scale > 0.0 else np.inf  # NaN counts as infinite
 
 
 def own_residual(model: EngineModel, impulses: ArrayLike) -> float:
