@@ -159,7 +159,7 @@ def _part_of_layout(laws: Laws) -> BlockLayout | None:
 
 @njit(cache=True, inline="always")
 def block_of(slot, width):  # type: ignore[no-untyped-def]
-    """Return ``slot // width`` of a slot that is not negative; a division by a constant takes a fifth of the time."""
+    """Return ``slot // width`` of a slot that is not negative; the usual widths are constants, which divide faster."""
     unsigned, three, two = uint64(slot), uint64(3), uint64(2)
     if width == 3:
         return unsigned // three

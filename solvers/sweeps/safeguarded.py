@@ -1,10 +1,13 @@
 """A safeguard for sweeps: the step of each contact that oscillates is reduced.
 
-If friction pushes the bodies of a slipping planar contact apart, SORprox converges on this contact only if |1 − ω(1 +
-μ|G_NT|/G_NN)| < 1. Contacts of high friction can cycle even if each is solved exactly, and it is unknown beforehand
-which contacts will slip. All contacts therefore begin with the step of the method. At intervals, the last increment of
-each contact, d = Λ^ν − Λ^(ν−1), is compared with the previous one, d'. If they are opposed and do not shrink, in the
-norm of √α Λ (the contact's own scale of energy),
+If friction pushes the bodies of a slipping planar contact apart, SORprox converges on this contact only if
+
+    |1 − ω(1 + μ|G_NT|/G_NN)| < 1.
+
+Contacts of high friction can cycle even if each is solved exactly, and it is unknown beforehand which contacts will
+slip. All contacts therefore begin with the step of the method. At intervals, the last increment of each contact, d =
+Λ^ν − Λ^(ν−1), is compared with the previous one, d'. If they are opposed and do not shrink, in the norm of √α Λ (the
+contact's own scale of energy),
 
     dᵀd' < −OPPOSED ‖d‖ ‖d'‖      and      ‖d‖ > MAX_CONTRACTION_FACTOR ‖d'‖,
 

@@ -7,7 +7,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ....problems.arrays import FloatArray, IntArray
-from ....problems.compilation.kernel_arrays import as_read_only
 from ....problems.contact.blocks import write_layout
 from ....problems.contact.laws import ROWS_OF_KIND, SET_OF_KIND, LawKind
 
@@ -52,8 +51,7 @@ class ContactLaws(NamedTuple):
 def lay_out_contacts(kind, partner_law, mu, bounds):  # type: ignore[no-untyped-def]
     """Return whether the laws form contacts with equal numbers of rows, and their ``ContactLaws``.
 
-    The arguments are the arrays of ``Laws``. Arrays that ``Laws`` and ``BlockLayout`` protect from writing are
-    read-only here too, so that numba does not compile the kernels that take them a second time.
+    The arguments are the arrays of ``Laws``.
     """
     n_laws, n_rows = len(kind), 0
     sets, row_count = np.empty(n_laws, dtype=np.int8), np.empty(n_laws, dtype=np.int64)
@@ -74,18 +72,18 @@ def lay_out_contacts(kind, partner_law, mu, bounds):  # type: ignore[no-untyped-
     for b in range(n_blocks):
         partner_lanes[b] = width * partner[b]
     laws = ContactLaws(
-        as_read_only(sets),
-        as_read_only(row_count),
+        sets,
+        row_count,
         is_rolling,
-        as_read_only(first_row),
+        first_row,
         partner_law,
         mu,
         bounds,
-        as_read_only(slot),
+        slot,
         slot // width,
-        as_read_only(partner),
-        as_read_only(block_bounds[0, :n_blocks]),
-        as_read_only(block_bounds[1, :n_blocks]),
+        partner,
+        block_bounds[0, :n_blocks],
+        block_bounds[1, :n_blocks],
         partner_lanes,
     )
     return are_equal_contacts, laws
