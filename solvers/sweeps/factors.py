@@ -23,7 +23,8 @@ from ...problems.contact.problem import ContactProblem
 from ..iteration.loop import Iterates
 from ..iteration.momentum import MomentumState, with_momentum
 from .any_laws import AnyLawArrays, sweep_factors
-from .batches.pieces import LANES, MIN_FILL, assign_batches, batch_arguments, slots_in_batches, sweep_batches
+from .batches.lanes import LANES
+from .batches.pieces import MIN_FILL, assign_batches, batch_arguments, slots_in_batches, sweep_batches
 from .delassus import LawArrays
 from .one_contact import disc_scale
 

@@ -5,11 +5,10 @@ from numba import njit, uint64
 from ...sweeps.batches.ball_kernels import (
     ENTRIES_PER_RECORD,
     find_violations,
-    gather_moves,
     lane_velocity,
     update_impulses,
 )
-from ...sweeps.batches.pieces import LANES
+from ...sweeps.batches.lanes import LANES, gather_moves, scatter_moves_of_movable_balls
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
@@ -20,18 +19,8 @@ def update_ball_batch(balls, batch, motion, impulses, change, beta, turn, moves)
     record, pair = uint64(ENTRIES_PER_RECORD) * first_lane, uint64(2) * first_lane
     gather_moves(bodies, pair, motion, moves)
     update_impulses(records, record, kappa, impulses, change, uint64(3) * first_lane, beta, turn, moves)
-    three, idle, mass = uint64(3), uint64(len(motion)) - uint64(6), record + uint64(9) * lanes
-    for lane in range(lanes):
-        a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
-        first_mass, second_mass = records[mass + lane], records[mass + lanes + lane]  # inverse masses
-        if a != idle:  # the idle ball of empty lanes and surfaces stays zero, because all threads read it
-            for k in range(three):
-                motion[a + k] += first_mass * moves[lanes * k + lane]
-                motion[a + k + three] -= first_mass * moves[lanes * (k + three) + lane]
-        if b != idle:
-            for k in range(three):
-                motion[b + k] -= second_mass * moves[lanes * k + lane]
-                motion[b + k + three] -= second_mass * moves[lanes * (k + three) + lane]
+    # the idle ball of empty lanes and surfaces stays zero, because all threads read it
+    scatter_moves_of_movable_balls(bodies, pair, records, record + uint64(9) * lanes, moves, motion)
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")

@@ -29,7 +29,8 @@ from ...iteration.loop import SinglePassIterates
 from ...iteration.momentum import MomentumState, extrapolate, momentum_after
 from ...sweeps.batches.ball_kernels import WEIGHTS, largest_of_lanes
 from ...sweeps.batches.balls import balls_of, can_compare_squares, write_weights
-from ...sweeps.batches.pieces import LANES, Batches, batch_arguments, slots_in_batches
+from ...sweeps.batches.lanes import BALL_LENGTH, LANES, copy_of_lines
+from ...sweeps.batches.pieces import Batches, batch_arguments, slots_in_batches
 from ...sweeps.factors import own_coupling
 from .atomic import add, swap_if_equal, wait_for
 from .ball_tasks import raise_to_violations, update_ball_batch, write_ball_velocities
@@ -37,9 +38,6 @@ from .pairs import in_pairs
 from .piece_tasks import update_pieces, write_piece_velocities
 from .slabs import Slabs, divide_into_slabs
 from .team import Team, joins_call, leave_call
-
-BALL_LENGTH = 6
-"""Number of entries of a ball in v."""
 
 PIECE_LENGTH = 512
 """Number of entries of v, 4 kB, that one task extrapolates."""
@@ -129,7 +127,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
         MomentumState.__init__(self, momentum, delay)
         self._sweep = sweep
         self._scaled_velocity = sweep.motion(start)
-        self._previous_velocity = self._scaled_velocity.copy()
+        self._previous_velocity = copy_of_lines(self._scaled_velocity)
         self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.slabs.n_batches))
         if start.any():
             self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
@@ -321,7 +319,7 @@ def _write_violations(  # type: ignore[no-untyped-def]
 ):
     """Do the share of one thread in the violations and in Λ over rows; see ``_write_xi``."""
     weights, squares, slots, rows = violations
-    moves, largest, completed = np.empty(BALL_LENGTH * LANES), np.empty(LANES), 0
+    moves, largest, completed = np.empty(6 * LANES), np.empty(LANES), 0
     for k in range(threads):
         share = (thread + k) % threads
         for position in range(len(squares) * share // threads, len(squares) * (share + 1) // threads):

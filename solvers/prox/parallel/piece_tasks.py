@@ -2,7 +2,8 @@
 
 from numba import njit, uint64
 
-from ...sweeps.batches.pieces import LANES, update_batch
+from ...sweeps.batches.lanes import LANES
+from ...sweeps.batches.pieces import update_batch
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")

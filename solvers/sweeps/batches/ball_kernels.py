@@ -17,7 +17,7 @@ from numba import njit, uint64
 from ....problems.contact.matrices.contact_frame import tangents
 from ....problems.contact.residual import outside_disc
 from ...iteration.momentum import extrapolate, momentum_after
-from .pieces import LANES
+from .lanes import LANES, gather_moves, scatter_moves
 
 ENTRIES_PER_RECORD = 11
 """Number of entries of a record: n, c, both step sizes, μ, and the inverse masses of both balls."""
@@ -62,33 +62,10 @@ def sweep_balls(  # type: ignore[no-untyped-def]
             gather_moves(bodies, pair, motion, moves)
             record, first_entry = uint64(ENTRIES_PER_RECORD) * lanes * batch, three * lanes * batch
             update_impulses(records, record, kappa, impulses, change, first_entry, beta, turn, moves)
-            inverse_masses = record + uint64(9) * lanes
-            for lane in range(lanes):
-                a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
-                first_inverse_mass, second_inverse_mass = (
-                    records[inverse_masses + lane],
-                    records[inverse_masses + lanes + lane],
-                )
-                for k in range(three):
-                    push, torque = moves[lanes * k + lane], moves[lanes * (k + three) + lane]
-                    motion[a + k] += first_inverse_mass * push
-                    motion[b + k] -= second_inverse_mass * push
-                    motion[a + k + three] -= first_inverse_mass * torque
-                    motion[b + k + three] -= second_inverse_mass * torque
+            scatter_moves(bodies, pair, records, record + uint64(9) * lanes, moves, motion)
         sweeps += 1
         beta = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
     return beta
-
-
-@njit(cache=True, inline="always")
-def gather_moves(bodies, pair, motion, moves):  # type: ignore[no-untyped-def]
-    """Write v_i − v_j and τ_i + τ_j of a batch, whose balls begin at ``pair`` of ``bodies``, into ``moves``."""
-    three, lanes = uint64(3), uint64(LANES)
-    for lane in range(lanes):
-        a, b = uint64(bodies[pair + lane]), uint64(bodies[pair + lanes + lane])
-        for k in range(three):
-            moves[lanes * k + lane] = motion[a + k] - motion[b + k]
-            moves[lanes * (k + three) + lane] = motion[a + k + three] + motion[b + k + three]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")

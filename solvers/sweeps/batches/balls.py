@@ -20,7 +20,8 @@ from ....problems.contact.residual import Residual
 from ...iteration.loop import SinglePassIterates
 from ...iteration.momentum import MomentumState
 from .ball_kernels import ENTRIES_PER_RECORD, WEIGHTS, largest_violation, sweep_balls, velocity_in_frame
-from .pieces import LANES, MIN_FILL, assign_batches
+from .lanes import BALL_LENGTH, LANES, VECTOR, cache_lines, copy_of_lines
+from .pieces import MIN_FILL, assign_batches
 
 EQUALITY_TOLERANCE = 1e-12
 """Relative difference up to which the κ of two balls, or two entries of M⁻¹, count as equal."""
@@ -62,11 +63,11 @@ class Balls(NamedTuple):
         return self._replace(contacts=contacts, inverse_masses=np.append(self.inverse_masses[order], 0.0))
 
     def motion(self, impulses: FloatArray) -> FloatArray:
-        """Return v and τ of all balls, and zeros for surfaces, as a flat array of (n_balls + 1) × 6 entries.
+        """Return v and τ of all balls, and zeros for surfaces, with ``BALL_LENGTH`` entries each, flat.
 
         The impulses Λ are in the order of rows.
         """
-        motion = np.zeros(6 * len(self.inverse_masses))
+        motion = cache_lines(len(self.inverse_masses))
         if impulses.any():
             _write_motion(self.contacts.chunks, self.contacts.normals, self.inverse_masses, impulses, motion)
         return motion
@@ -155,7 +156,7 @@ class BallIterates(MomentumState, SinglePassIterates):
         self._impulses[sweep.slots] = start
         self._motion = sweep.balls.motion(start)
         self._change = np.zeros_like(self._impulses)
-        self._previous_motion = self._motion.copy() if momentum > 0.0 else self._motion
+        self._previous_motion = copy_of_lines(self._motion) if momentum > 0.0 else self._motion
         self._relative_velocity = np.empty(len(start))
         self._residual: Residual | None = None
         self._weights = np.empty(0)
@@ -224,12 +225,13 @@ def _pack(balls, normals, free_velocity, step_sizes, friction, inverse_masses, p
     """Return the first coordinate of both balls of each lane, the records, and slots as in ``slots_in_batches``."""
     slots = np.empty(3 * len(positions), dtype=np.int64)
     idle = len(inverse_masses) - 1
-    bodies = np.full(n_batches * 2 * LANES, 6 * idle, dtype=np.uint32)
+    bodies = np.full(n_batches * 2 * LANES, BALL_LENGTH * idle, dtype=np.uint32)
     records = np.zeros(n_batches * ENTRIES_PER_RECORD * LANES)
     for c in range(len(positions)):
         batch, lane = positions[c] // LANES, positions[c] % LANES
         i, j, first_entry = balls[2 * c], balls[2 * c + 1], ENTRIES_PER_RECORD * LANES * batch + lane
-        bodies[2 * LANES * batch + lane], bodies[(2 * batch + 1) * LANES + lane] = 6 * i, 6 * j
+        bodies[2 * LANES * batch + lane] = BALL_LENGTH * i
+        bodies[(2 * batch + 1) * LANES + lane] = BALL_LENGTH * j
         for k in range(3):
             records[first_entry + LANES * k] = normals[c, k]
             records[first_entry + LANES * (3 + k)] = free_velocity[3 * c + k]
@@ -270,8 +272,8 @@ def _write_motion(balls, normals, inverse_masses, impulses, motion):  # type: ig
         for side in range(2):
             ball, sign = balls[2 * c + side], 1.0 - 2.0 * side
             for axis in range(3):
-                motion[6 * ball + axis] += sign * inverse_masses[ball] * push[axis]
-                motion[6 * ball + 3 + axis] -= inverse_masses[ball] * turn[axis]
+                motion[BALL_LENGTH * ball + axis] += sign * inverse_masses[ball] * push[axis]
+                motion[BALL_LENGTH * ball + VECTOR + axis] -= inverse_masses[ball] * turn[axis]
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -285,15 +287,16 @@ def _write_relative_velocity(balls, normals, spin_ratio, free_velocity, motion, 
 @njit(cache=True, fastmath={"contract"}, inline="always")
 def _contact_velocity(c, balls, normals, spin_ratio, free_velocity, motion):  # type: ignore[no-untyped-def]
     """Return ξ of one contact."""
-    row, six = uint64(3) * uint64(c), uint64(6)
-    i, j = six * uint64(balls[uint64(2) * uint64(c)]), six * uint64(balls[uint64(2) * uint64(c) + uint64(1)])
+    row, length, tau = uint64(3) * uint64(c), uint64(BALL_LENGTH), uint64(VECTOR)
+    i, j = length * uint64(balls[uint64(2) * uint64(c)]), length * uint64(balls[uint64(2) * uint64(c) + uint64(1)])
     normal = normals[c, 0], normals[c, 1], normals[c, 2]
     first, second = tangents(normal[0], normal[1], normal[2])
     dx = motion[i] - motion[j]
     dy = motion[i + uint64(1)] - motion[j + uint64(1)]
     dz = motion[i + uint64(2)] - motion[j + uint64(2)]
-    sx = spin_ratio * (motion[i + uint64(3)] + motion[j + uint64(3)])
-    sy = spin_ratio * (motion[i + uint64(4)] + motion[j + uint64(4)])
-    sz = spin_ratio * (motion[i + uint64(5)] + motion[j + uint64(5)])
+    i, j = i + tau, j + tau
+    sx = spin_ratio * (motion[i] + motion[j])
+    sy = spin_ratio * (motion[i + uint64(1)] + motion[j + uint64(1)])
+    sz = spin_ratio * (motion[i + uint64(2)] + motion[j + uint64(2)])
     contact_free_velocity = free_velocity[row], free_velocity[row + uint64(1)], free_velocity[row + uint64(2)]
     return velocity_in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), contact_free_velocity)

@@ -17,9 +17,7 @@ from numba import njit, uint64
 from ....problems.arrays import FloatArray, IntArray
 from ....problems.contact.matrices.pieces import Pieces
 from ...iteration.momentum import extrapolate, momentum_after
-
-LANES = 16
-"""Number of contacts in a batch, the smallest number for which compilers vectorise a loop of known length."""
+from .lanes import LANES
 
 MIN_FILL = 0.75
 """Smallest share of used lanes for which batches save time."""
