@@ -8,7 +8,7 @@ from ...sweeps.batches.ball_kernels import (
     lane_velocity,
     update_impulses,
 )
-from ...sweeps.batches.lanes import LANES, gather_moves, scatter_moves_of_movable_balls
+from ...sweeps.batches.lanes import LANES, gather_moves, scatter_moves_but_idle
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
@@ -20,7 +20,7 @@ def update_ball_batch(balls, batch, motion, impulses, change, beta, turn, moves)
     gather_moves(bodies, pair, motion, moves)
     update_impulses(records, record, kappa, impulses, change, uint64(3) * first_lane, beta, turn, moves)
     # the idle ball of empty lanes and surfaces stays zero, because all threads read it
-    scatter_moves_of_movable_balls(bodies, pair, records, record + uint64(9) * lanes, moves, motion)
+    scatter_moves_but_idle(bodies, pair, records, record + uint64(9) * lanes, moves, motion)
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")

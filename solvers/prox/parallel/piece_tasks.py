@@ -2,7 +2,7 @@
 
 from numba import njit, uint64
 
-from ...sweeps.batches.lanes import LANES
+from ...sweeps.batches.lanes import LANES, gather_chunks, scatter_chunks_but_idle
 from ...sweeps.batches.pieces import update_batch
 
 
@@ -15,47 +15,21 @@ def update_pieces(pieces, batch, scaled_velocity, impulses, change, beta, turn, 
     """
     axes, bodies, records = pieces
     lanes, length = uint64(LANES), uint64(len(axes))
-    _gather_velocities(axes, bodies, batch, scaled_velocity, v_before)
+    gather_chunks(axes, bodies, uint64(2 * LANES) * uint64(batch), scaled_velocity, v_before)
     begin = uint64(batch) * (uint64(6) * lanes * length + uint64(9) * lanes)
     update_batch(
         axes, records, begin, impulses, change, uint64(3) * lanes * uint64(batch), beta, turn, v_before, v_after
     )
-    _scatter_velocities(axes, bodies, batch, v_after, scaled_velocity)
+    # the idle chunk remains zero, because all threads read it
+    scatter_chunks_but_idle(axes, bodies, uint64(2 * LANES) * uint64(batch), v_after, scaled_velocity)
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")
 def write_piece_velocities(pieces, batch, scaled_velocity, v_before, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
     axes, bodies, records = pieces
-    _gather_velocities(axes, bodies, batch, scaled_velocity, v_before)
+    gather_chunks(axes, bodies, uint64(2 * LANES) * uint64(batch), scaled_velocity, v_before)
     _write_velocities(axes, records, batch, v_before, velocity)
-
-
-@njit(cache=True, inline="always")
-def _gather_velocities(axes, bodies, batch, scaled_velocity, v_before):  # type: ignore[no-untyped-def]
-    """Copy v of both bodies of each contact of a batch."""
-    lanes, length = uint64(LANES), uint64(len(axes))
-    pair = uint64(2) * lanes * uint64(batch)
-    for lane in range(lanes):
-        a, b = bodies[pair + lane], bodies[pair + lanes + lane]
-        for x in range(length):
-            v_before[lanes * x + lane] = scaled_velocity[a + x]
-            v_before[lanes * (length + x) + lane] = scaled_velocity[b + x]
-
-
-@njit(cache=True, inline="always")
-def _scatter_velocities(axes, bodies, batch, v_after, scaled_velocity):  # type: ignore[no-untyped-def]
-    """Copy v back, except for the idle chunk, which is last: it remains zero, because all threads read it."""
-    lanes, length = uint64(LANES), uint64(len(axes))
-    pair, idle = uint64(2) * lanes * uint64(batch), uint64(len(scaled_velocity)) - length
-    for lane in range(lanes):
-        a, b = bodies[pair + lane], bodies[pair + lanes + lane]
-        if a != idle:
-            for x in range(length):
-                scaled_velocity[a + x] = v_after[lanes * x + lane]
-        if b != idle:
-            for x in range(length):
-                scaled_velocity[b + x] = v_after[lanes * (length + x) + lane]
 
 
 @njit(cache=True, fastmath={"contract"}, inline="always")

@@ -2,8 +2,8 @@
 
 A batch holds one quantity of all its contacts in adjacent lanes, while the velocity of a body is adjacent in memory.
 Four lanes at a time are read as vectors of four numbers and transposed. numba does not combine scalar instructions into
-vectors, so each function here generates instructions of LLVM for vectors; processors without such vectors use smaller
-ones. The functions without vectors would read, write and compute the same numbers in the same order.
+vectors, so the functions here generate instructions of LLVM for vectors, which also exist for processors with shorter
+vectors. They compute the same numbers as scalar instructions, to the last bit.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,9 +27,10 @@ BALL_LENGTH = 8
 """Entries of a ball in an array of motions: v, 0, τ and 0, together one cache line."""
 
 NUMBERS = ir.VectorType(ir.DoubleType(), VECTOR)
+"""Type of a vector in LLVM."""
 
 CONTRACT = ("contract",)
-"""Permission to round a product and a sum once, which kernels have by ``fastmath={"contract"}``."""
+"""Permission to round a product and a sum once, as ``fastmath={"contract"}`` gives to kernels."""
 
 
 def cache_lines(count: int) -> FloatArray:
@@ -46,144 +47,202 @@ def copy_of_lines(numbers: FloatArray) -> FloatArray:
     return copy
 
 
-def _pointer(context: Any, builder: Any, array_type: Any, array: Any, index: Any) -> Any:
-    struct = context.make_array(array_type)(context, builder, array)
-    return cgutils.get_item_pointer(  # type: ignore[no-untyped-call]
-        context, builder, array_type, struct, [index], wraparound=False
-    )
+class Instructions:
+    """Generator of instructions on arrays, each of which is a pair of its type and its value in LLVM.
+
+    Args:
+        context: the context of the compilation.
+        builder: appends instructions.
+    """
+
+    def __init__(self, context: Any, builder: Any) -> None:
+        self._context, self.builder = context, builder
+
+    def constant(self, number: int) -> Any:
+        """Return an unsigned number."""
+        return self._context.get_constant(types.uint64, number)
+
+    def sum(self, index: Any, offset: int) -> Any:
+        """Return an index plus a known number."""
+        return self.builder.add(index, self.constant(offset))
+
+    def load(self, array: tuple[Any, Any], index: Any, to_type: Any) -> Any:
+        """Load and convert one entry."""
+        value = self.builder.load(self._pointer(array, index))
+        return self._context.cast(self.builder, value, array[0].dtype, to_type)
+
+    def load_four(self, array: tuple[Any, Any], index: Any) -> Any:
+        """Load four successive numbers."""
+        numbers = self.builder.load(self._pointer_to_four(array, index))
+        numbers.align = 8
+        return numbers
+
+    def store_four(self, numbers: Any, array: tuple[Any, Any], index: Any) -> None:
+        """Store four successive numbers."""
+        self.builder.store(numbers, self._pointer_to_four(array, index)).align = 8
+
+    def transpose(self, rows: Sequence[Any]) -> list[Any]:
+        """Return the columns of four vectors; missing rows are zero."""
+        rows = [*rows, *[ir.Constant(NUMBERS, [0.0] * VECTOR)] * (VECTOR - len(rows))]
+        even = [self._shuffle(*pair, 0, 4, 2, 6) for pair in (rows[:2], rows[2:])]
+        odd = [self._shuffle(*pair, 1, 5, 3, 7) for pair in (rows[:2], rows[2:])]
+        return [self._shuffle(*pair, *half) for half in ((0, 1, 4, 5), (2, 3, 6, 7)) for pair in (even, odd)]
+
+    def store(self, numbers: Any, lane: int, array: tuple[Any, Any], index: Any) -> None:
+        """Store one number of a vector."""
+        number = self.builder.extract_element(numbers, ir.Constant(ir.IntType(32), lane))
+        self.builder.store(number, self._pointer(array, index))
+
+    def vector(self, numbers: Sequence[Any]) -> Any:
+        """Return a vector of four numbers."""
+        vector = ir.Constant(NUMBERS, ir.Undefined)
+        for lane, number in enumerate(numbers):
+            vector = self.builder.insert_element(vector, number, ir.Constant(ir.IntType(32), lane))
+        return vector
+
+    def multiply(self, number: Any, numbers: Any) -> Any:
+        """Return the product of a number and a vector."""
+        return self.builder.fmul(self.vector([number] * VECTOR), numbers, flags=CONTRACT)
+
+    def _pointer(self, array: tuple[Any, Any], index: Any) -> Any:
+        array_type, value = array
+        struct = self._context.make_array(array_type)(self._context, self.builder, value)
+        return cgutils.get_item_pointer(  # type: ignore[no-untyped-call]
+            self._context, self.builder, array_type, struct, [index], wraparound=False
+        )
+
+    def _pointer_to_four(self, array: tuple[Any, Any], index: Any) -> Any:
+        return self.builder.bitcast(self._pointer(array, index), NUMBERS.as_pointer())
+
+    def _shuffle(self, first: Any, second: Any, *order: int) -> Any:
+        indices = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), list(order))
+        return self.builder.shuffle_vector(first, second, indices)
 
 
-def _load(context: Any, builder: Any, array_type: Any, array: Any, index: Any, to_type: Any) -> Any:
-    """Load one entry and convert it."""
-    value = builder.load(_pointer(context, builder, array_type, array, index))
-    return context.cast(builder, value, array_type.dtype, to_type)
-
-
-def _four_at(context: Any, builder: Any, array_type: Any, array: Any, index: Any) -> Any:
-    """Return a pointer to four successive numbers."""
-    return builder.bitcast(_pointer(context, builder, array_type, array, index), NUMBERS.as_pointer())
-
-
-def _load_four(builder: Any, pointer: Any) -> Any:
-    numbers = builder.load(pointer)
-    numbers.align = 8
-    return numbers
-
-
-def _store_four(builder: Any, numbers: Any, pointer: Any) -> None:
-    builder.store(numbers, pointer).align = 8
-
-
-def _all_equal(builder: Any, number: Any) -> Any:
-    """Return a vector of equal numbers."""
-    numbers = ir.Constant(NUMBERS, ir.Undefined)
-    for k in range(VECTOR):
-        numbers = builder.insert_element(numbers, number, ir.Constant(ir.IntType(32), k))
-    return numbers
-
-
-def _shuffled(builder: Any, first: Any, second: Any, *order: int) -> Any:
-    indices = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), list(order))
-    return builder.shuffle_vector(first, second, indices)
-
-
-def _transposed(builder: Any, rows: Sequence[Any]) -> list[Any]:
-    """Return the columns of four vectors."""
-    even, odd = (
-        [_shuffled(builder, rows[k], rows[k + 1], *order) for k in (0, 2)] for order in ((0, 4, 2, 6), (1, 5, 3, 7))
-    )
-    halves = (0, 1, 4, 5), (2, 3, 6, 7)
-    return [_shuffled(builder, *pair, *half) for half in halves for pair in (even, odd)]
-
-
-def _gather_four(typing_context, bodies, pair, motion, moves, lane):  # type: ignore[no-untyped-def]
+def _gather_moves(typing_context, bodies, pair, motion, moves, lane):  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        bodies_type, _, motion_type, moves_type, _ = signature.args
-        bodies, pair, motion, moves, lane = arguments
-
-        def constant(number: int) -> Any:
-            return context.get_constant(types.uint64, number)
-
+        code = Instructions(context, builder)
+        bodies, (_, pair), motion, moves, (_, lane) = zip(signature.args, arguments, strict=True)
         differences, sums = [], []
         for k in range(VECTOR):
-            first_lane = builder.add(builder.add(pair, lane), constant(k))
-            a, b = (
-                _load(context, builder, bodies_type, bodies, index, types.uint64)
-                for index in (first_lane, builder.add(first_lane, constant(LANES)))
-            )
-            v_a, v_b, tau_a, tau_b = (
-                _load_four(builder, _four_at(context, builder, motion_type, motion, index))
-                for index in (a, b, builder.add(a, constant(VECTOR)), builder.add(b, constant(VECTOR)))
-            )
-            differences.append(builder.fsub(v_a, v_b))
-            sums.append(builder.fadd(tau_a, tau_b))
-        columns = _transposed(builder, differences)[:3] + _transposed(builder, sums)[:3]
-        for k, column in enumerate(columns):
-            index = builder.add(lane, constant(LANES * k))
-            _store_four(builder, column, _four_at(context, builder, moves_type, moves, index))
+            first = code.sum(builder.add(pair, lane), k)
+            a, b = (code.load(bodies, index, types.uint64) for index in (first, code.sum(first, LANES)))
+            differences.append(builder.fsub(code.load_four(motion, a), code.load_four(motion, b)))
+            sums.append(builder.fadd(*(code.load_four(motion, code.sum(ball, VECTOR)) for ball in (a, b))))
+        for k, row in enumerate(code.transpose(differences)[:3] + code.transpose(sums)[:3]):
+            code.store_four(row, moves, code.sum(lane, LANES * k))
         return context.get_dummy_value()
 
     return types.void(bodies, types.uint64, motion, moves, types.uint64), generate
 
 
-_gather_four_lanes: Any = intrinsic(_gather_four)
+def _scatter_moves(skips_idle: bool) -> Callable[..., Any]:
+    def type_and_generate(typing_context, bodies, pair, records, masses, moves, motion, lane, idle):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+            code = Instructions(context, builder)
+            operands = zip(signature.args, arguments, strict=True)
+            bodies, (_, pair), records, (_, masses), moves, motion, (_, lane), (_, idle) = operands
+            rows = [code.load_four(moves, code.sum(lane, LANES * k)) for k in range(6)]
+            pushes, torques = code.transpose(rows[:3]), code.transpose(rows[3:])
+
+            def move(ball: Any, mass: Any, k: int, combine: Any) -> None:
+                """Add P/m to v of the first ball or subtract it from v of the second; subtract (n × P)/m from τ."""
+                for index, change, add in (
+                    (ball, pushes[k], combine),
+                    (code.sum(ball, VECTOR), torques[k], builder.fsub),
+                ):
+                    product = code.multiply(mass, change)
+                    code.store_four(add(code.load_four(motion, index), product, flags=CONTRACT), motion, index)
+
+            for k in range(VECTOR):
+                for first_lane, combine in ((k, builder.fadd), (LANES + k, builder.fsub)):
+                    position = code.sum(lane, first_lane)
+                    ball = code.load(bodies, builder.add(pair, position), types.uint64)
+                    mass = code.load(records, builder.add(masses, position), types.float64)
+                    if skips_idle:
+                        with builder.if_then(builder.icmp_unsigned("!=", ball, idle)):
+                            move(ball, mass, k, combine)
+                    else:
+                        move(ball, mass, k, combine)
+            return context.get_dummy_value()
+
+        index = types.uint64
+        return types.void(bodies, index, records, index, moves, motion, index, index), generate
+
+    return type_and_generate
+
+
+def _gather_chunks(typing_context, axes, bodies, position, velocity, gathered, begin):  # type: ignore[no-untyped-def]
+    length, offsets = len(axes), _offsets(len(axes))
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        code = Instructions(context, builder)
+        _, bodies, (_, position), velocity, gathered, (_, begin) = zip(signature.args, arguments, strict=True)
+        chunks = [code.load(bodies, code.sum(position, k), types.uint64) for k in range(VECTOR)]
+        rows: dict[int, Any] = {}
+        for offset in offsets:
+            columns = code.transpose([code.load_four(velocity, code.sum(chunk, offset)) for chunk in chunks])
+            rows |= {offset + k: column for k, column in enumerate(columns)}
+        for axis in range(length) if not offsets else ():
+            rows[axis] = code.vector([code.load(velocity, code.sum(chunk, axis), types.float64) for chunk in chunks])
+        for axis in range(length):
+            code.store_four(rows[axis], gathered, code.sum(begin, LANES * axis))
+        return context.get_dummy_value()
+
+    return types.void(axes, bodies, types.uint64, velocity, gathered, types.uint64), generate
+
+
+def _scatter_chunks(skips_idle: bool) -> Callable[..., Any]:
+    def type_and_generate(typing_context, axes, bodies, position, scattered, begin, velocity, idle):  # type: ignore[no-untyped-def]
+        offsets = _offsets(len(axes))
+
+        def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+            code = Instructions(context, builder)
+            operands = zip(signature.args, arguments, strict=True)
+            _, bodies, (_, position), scattered, (_, begin), velocity, (_, idle) = operands
+            rows = [code.load_four(scattered, code.sum(begin, LANES * axis)) for axis in range(len(axes))]
+            columns = [code.transpose(rows[offset : offset + VECTOR]) for offset in offsets]
+
+            def write(chunk: Any, k: int) -> None:
+                for offset, numbers in zip(offsets, columns, strict=True):
+                    code.store_four(numbers[k], velocity, code.sum(chunk, offset))
+                for axis, row in enumerate(rows) if not offsets else ():
+                    code.store(row, k, velocity, code.sum(chunk, axis))
+
+            for k in range(VECTOR):
+                chunk = code.load(bodies, code.sum(position, k), types.uint64)
+                if skips_idle:
+                    with builder.if_then(builder.icmp_unsigned("!=", chunk, idle)):
+                        write(chunk, k)
+                else:
+                    write(chunk, k)
+            return context.get_dummy_value()
+
+        index = types.uint64
+        return types.void(axes, bodies, index, scattered, index, velocity, index), generate
+
+    return type_and_generate
+
+
+def _offsets(length: int) -> tuple[int, ...]:
+    """Return the entries of a chunk at which vectors begin, none if it is shorter; the last one may overlap another."""
+    return (*range(0, length - VECTOR, VECTOR), length - VECTOR) if length >= VECTOR else ()
+
+
+_gather_four_moves: Any = intrinsic(_gather_moves)
+_scatter_four_moves: Any = intrinsic(_scatter_moves(skips_idle=False))
+_scatter_four_moves_but_idle: Any = intrinsic(_scatter_moves(skips_idle=True))
+
+_gather_four_chunks: Any = intrinsic(_gather_chunks)
+_scatter_four_chunks: Any = intrinsic(_scatter_chunks(skips_idle=False))
+_scatter_four_chunks_but_idle: Any = intrinsic(_scatter_chunks(skips_idle=True))
 
 
 @njit(cache=True, inline="always")
 def gather_moves(bodies, pair, motion, moves):  # type: ignore[no-untyped-def]
     """Write v_i − v_j and τ_i + τ_j of a batch, whose balls begin at ``pair`` of ``bodies``, into ``moves``."""
     for group in range(uint64(LANES // VECTOR)):
-        _gather_four_lanes(bodies, pair, motion, moves, uint64(VECTOR) * group)
-
-
-def _scatter_four(spares_idle: bool) -> Callable[..., Any]:
-    def type_and_generate(typing_context, bodies, pair, records, masses, moves, motion, idle, lane):  # type: ignore[no-untyped-def]
-        def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-            bodies_type, _, records_type, _, moves_type, motion_type, _, _ = signature.args
-            bodies, pair, records, masses, moves, motion, idle, lane = arguments
-
-            def constant(number: int) -> Any:
-                return context.get_constant(types.uint64, number)
-
-            rows = [
-                _load_four(
-                    builder,
-                    _four_at(context, builder, moves_type, moves, builder.add(lane, constant(LANES * k))),
-                )
-                for k in range(6)
-            ]
-            zeros = ir.Constant(NUMBERS, [0.0] * VECTOR)
-            pushes, torques = _transposed(builder, [*rows[:3], zeros]), _transposed(builder, [*rows[3:], zeros])
-
-            def move(ball: Any, mass: Any, k: int, is_first: bool) -> None:
-                """Add P/m to v of the first ball, or subtract it from v of the second, and (n × P)/m from τ."""
-                for offset, change, sign in ((0, pushes[k], is_first), (VECTOR, torques[k], False)):
-                    index = builder.add(ball, constant(offset))
-                    pointer = _four_at(context, builder, motion_type, motion, index)
-                    product = builder.fmul(_all_equal(builder, mass), change, flags=CONTRACT)
-                    combine = builder.fadd if sign else builder.fsub
-                    _store_four(builder, combine(_load_four(builder, pointer), product, flags=CONTRACT), pointer)
-
-            for k in range(VECTOR):
-                for side in range(2):
-                    offset = builder.add(lane, constant(k + LANES * side))
-                    ball = _load(context, builder, bodies_type, bodies, builder.add(pair, offset), types.uint64)
-                    mass = _load(context, builder, records_type, records, builder.add(masses, offset), types.float64)
-                    if not spares_idle:
-                        move(ball, mass, k, side == 0)
-                        continue
-                    with builder.if_then(builder.icmp_unsigned("!=", ball, idle)):
-                        move(ball, mass, k, side == 0)
-            return context.get_dummy_value()
-
-        size = types.uint64
-        return types.void(bodies, size, records, size, moves, motion, size, size), generate
-
-    return type_and_generate
-
-
-_scatter_four_lanes: Any = intrinsic(_scatter_four(spares_idle=False))
-_scatter_four_lanes_of_movable_balls: Any = intrinsic(_scatter_four(spares_idle=True))
+        _gather_four_moves(bodies, pair, motion, moves, uint64(VECTOR) * group)
 
 
 @njit(cache=True, inline="always")
@@ -193,12 +252,50 @@ def scatter_moves(bodies, pair, records, masses, moves, motion):  # type: ignore
     The inverse masses of both balls begin at ``masses`` of ``records``. They are zero for the idle ball.
     """
     for group in range(uint64(LANES // VECTOR)):
-        _scatter_four_lanes(bodies, pair, records, masses, moves, motion, uint64(0), uint64(VECTOR) * group)
+        _scatter_four_moves(bodies, pair, records, masses, moves, motion, uint64(VECTOR) * group, uint64(0))
 
 
 @njit(cache=True, inline="always")
-def scatter_moves_of_movable_balls(bodies, pair, records, masses, moves, motion):  # type: ignore[no-untyped-def]
+def scatter_moves_but_idle(bodies, pair, records, masses, moves, motion):  # type: ignore[no-untyped-def]
     """Do the same as ``scatter_moves``, without writing to the idle ball, which comes last."""
     idle = uint64(len(motion) - BALL_LENGTH)
     for group in range(uint64(LANES // VECTOR)):
-        _scatter_four_lanes_of_movable_balls(bodies, pair, records, masses, moves, motion, idle, uint64(VECTOR) * group)
+        _scatter_four_moves_but_idle(bodies, pair, records, masses, moves, motion, uint64(VECTOR) * group, idle)
+
+
+@njit(cache=True, inline="always")
+def gather_chunks(axes, bodies, pair, velocity, gathered):  # type: ignore[no-untyped-def]
+    """Copy v of the first and then of the second body of each contact of a batch into ``gathered``.
+
+    The bodies begin at ``pair`` of ``bodies``, and the length of ``axes`` is that of a chunk.
+    """
+    for side in range(uint64(2)):
+        for group in range(uint64(LANES // VECTOR)):
+            first, begin = _first_lanes(axes, pair, side, group)
+            _gather_four_chunks(axes, bodies, first, velocity, gathered, begin)
+
+
+@njit(cache=True, inline="always")
+def scatter_chunks(axes, bodies, pair, scattered, velocity):  # type: ignore[no-untyped-def]
+    """Copy v of both bodies of each contact of a batch back; see ``gather_chunks``."""
+    for side in range(uint64(2)):
+        for group in range(uint64(LANES // VECTOR)):
+            first, begin = _first_lanes(axes, pair, side, group)
+            _scatter_four_chunks(axes, bodies, first, scattered, begin, velocity, uint64(0))
+
+
+@njit(cache=True, inline="always")
+def scatter_chunks_but_idle(axes, bodies, pair, scattered, velocity):  # type: ignore[no-untyped-def]
+    """Do the same as ``scatter_chunks``, without writing to the idle chunk, which comes last."""
+    idle = uint64(len(velocity) - len(axes))
+    for side in range(uint64(2)):
+        for group in range(uint64(LANES // VECTOR)):
+            first, begin = _first_lanes(axes, pair, side, group)
+            _scatter_four_chunks_but_idle(axes, bodies, first, scattered, begin, velocity, idle)
+
+
+@njit(cache=True, inline="always")
+def _first_lanes(axes, pair, side, group):  # type: ignore[no-untyped-def]
+    """Return where a group of lanes begins in ``bodies`` and in the array of gathered velocities."""
+    lane, lanes = uint64(VECTOR) * group, uint64(LANES)
+    return pair + lanes * side + lane, lanes * uint64(len(axes)) * side + lane

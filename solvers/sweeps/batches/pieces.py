@@ -17,7 +17,7 @@ from numba import njit, uint64
 from ....problems.arrays import FloatArray, IntArray
 from ....problems.contact.matrices.pieces import Pieces
 from ...iteration.momentum import extrapolate, momentum_after
-from .lanes import LANES
+from .lanes import LANES, gather_chunks, scatter_chunks
 
 MIN_FILL = 0.75
 """Smallest share of used lanes for which batches save time."""
@@ -140,18 +140,10 @@ def sweep_batches(  # type: ignore[no-untyped-def]
         turn[:] = 0.0
         for batch in range(n_batches):
             pair = two * lanes * batch
-            for lane in range(lanes):
-                a, b = bodies[pair + lane], bodies[pair + lanes + lane]
-                for x in range(length):
-                    v_before[lanes * x + lane] = scaled_velocity[a + x]
-                    v_before[lanes * (length + x) + lane] = scaled_velocity[b + x]
+            gather_chunks(axes, bodies, pair, scaled_velocity, v_before)
             begin, first_entry = (uint64(6) * row + uint64(9) * lanes) * batch, three * lanes * batch
             update_batch(axes, records, begin, impulses, change, first_entry, beta, turn, v_before, v_after)
-            for lane in range(lanes):
-                a, b = bodies[pair + lane], bodies[pair + lanes + lane]
-                for x in range(length):
-                    scaled_velocity[a + x] = v_after[lanes * x + lane]
-                    scaled_velocity[b + x] = v_after[lanes * (length + x) + lane]
+            scatter_chunks(axes, bodies, pair, v_after, scaled_velocity)
         sweeps += 1
         beta = 0.0 if turn.sum() > 0.0 else momentum_after(sweeps, momentum, delay)
     return beta
