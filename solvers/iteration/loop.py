@@ -1,6 +1,6 @@
 """The loop that all projected iterations share: sweep, check the judge's residual, stop or continue."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
@@ -15,6 +15,9 @@ from .stopping import BETTER_RATIO, CYCLE_PATIENCE, MAX_CHECK_INTERVAL, Monitor,
 
 ROUNDING_TEST_SWEEPS = CYCLE_PATIENCE * MAX_CHECK_INTERVAL
 """Number of sweeps without a clearly better residual in the judge's arithmetic that establishes the rounding limit."""
+
+MAX_ROWS_SWEPT = 1_000_000
+"""Largest number of sweeps times rows between two readings of the clock, about 5 ms."""
 
 
 class Iterates(Protocol):
@@ -39,6 +42,34 @@ class SinglePassIterates:
     def impulses_and_residual(self, residual: Residual) -> tuple[FloatArray, float]:
         """Return Λ over rows, a fresh array of shape (n_rows,), and its residual."""
         raise NotImplementedError
+
+
+class WindowedIterates(SinglePassIterates):
+    """Base class of iterates that sweep and measure their residual repeatedly in one call."""
+
+    def has_windows(self, residual: Residual) -> bool:
+        """Return whether ``run_window`` applies to a residual."""
+        raise NotImplementedError
+
+    @property
+    def sweeps_to_change(self) -> float:
+        """Number of sweeps after which the residual may change the next ones; infinite if it never does."""
+        raise NotImplementedError
+
+    def run_window(self, counts: Sequence[int], residual: Residual, limits: tuple[float, float]) -> "Window":
+        """Do each number of sweeps, measure the residual after each, and stop at the first one beyond the limits.
+
+        The window ends after all counts, or at a residual that is not between the limits. The iterates record the
+        residuals before the last one.
+        """
+        raise NotImplementedError
+
+
+class Window(NamedTuple):
+    """The residuals of a window, and the Λ over rows with the lowest of all but the last."""
+
+    residuals: FloatArray
+    best_impulses: FloatArray
 
 
 class MeasuringIterates:
@@ -107,7 +138,17 @@ class PreparedIteration:
             outcome = check_convergence(self.problem, self.residual, driver).outcome
             if outcome is not None:
                 return driver.monitor.solution(outcome, driver.iteration, self.problem.n_rows)
-            driver.run_to_next_check()
+            driver.run_to_next_decision(self.residual)
+
+
+def _first_counts(counts: list[int], max_sweeps: float) -> list[int]:
+    """Return the first counts, up to the one whose sum reaches ``max_sweeps``."""
+    total = 0
+    for number, count in enumerate(counts, 1):
+        total += count
+        if total >= max_sweeps:
+            return counts[:number]
+    return counts
 
 
 @dataclass
@@ -144,6 +185,21 @@ class IterationDriver:
         count = min(remaining, max(min_sweeps, sweeps_to_next_check(self.iteration)))
         self.run(count)
         return count
+
+    def run_to_next_decision(self, residual: Residual) -> None:
+        """Sweep until a check may end the sweeps or change them; record the residuals of the checks before."""
+        iterates, counts = self.iterates, self.monitor.sweeps_between_checks(self.iteration)
+        if self.observe is None and isinstance(iterates, WindowedIterates) and iterates.has_windows(residual):
+            counts = _first_counts(counts, min(iterates.sweeps_to_change, MAX_ROWS_SWEPT / max(residual.n_rows, 1)))
+            if len(counts) > 1:
+                limits = self.monitor.stop.tolerance, self.monitor.max_residual
+                window = iterates.run_window(counts, residual, limits)
+                for count, measured in zip(counts, window.residuals[:-1], strict=False):
+                    self.iteration += count
+                    self.monitor.record(self.iteration, float(measured), window.best_impulses)
+                self.iteration += counts[len(window.residuals) - 1]
+                return
+        self.run(counts[0])
 
     def check_cycle(self, second_last: FloatArray) -> Outcome | None:
         """Do two sweeps from ``second_last``, the latest Λ; return the outcome if they lead back to it."""

@@ -50,6 +50,16 @@ class MeasuredMomentum:
         """The current bound of β."""
         return 1.0 - 1.0 / self._memory
 
+    @property
+    def next_change(self) -> float:
+        """The number of sweeps from which on a residual may change the memory."""
+        return self._window_begin[0] + self._window if self._window_begin[1] < np.inf else 0.0
+
+    @property
+    def _window(self) -> float:
+        """Number of sweeps between two possible changes of the memory."""
+        return MEMORIES_PER_WINDOW * self._memory * (self._pause if self._memory == FIRST_MEMORY else 1.0)
+
     def record_residual(self, sweeps: int, residual: float) -> None:
         """Record the residual after a number of sweeps, and change the memory if a window ends there."""
         self._best = min(self._best, residual)
@@ -57,9 +67,7 @@ class MeasuredMomentum:
         if best == np.inf:
             self._window_begin = sweeps, self._best
             return
-        has_first_memory = self._memory == FIRST_MEMORY
-        window = MEMORIES_PER_WINDOW * self._memory * (self._pause if has_first_memory else 1.0)
-        if sweeps - begin < window or self._best <= 0.0:
+        if sweeps - begin < self._window or self._best <= 0.0:
             return
         rate = log(best / self._best) / (sweeps - begin)
         rate_before, self._rate_before = self._rate_before, None

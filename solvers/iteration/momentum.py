@@ -29,7 +29,7 @@ average. Sweeps are not gradient steps, however: on redundant joints, the change
 Therefore t also restarts if a sweep moves Λ a hundred times as far as the shortest sweep since the last restart.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal, Protocol
 
 import numpy as np
@@ -113,6 +113,20 @@ class MomentumState(MeasuringIterates):
         if self._measured is not None:
             self._measured.record_residual(self._sweeps, residual)
             self._momentum = self._measured.bound
+
+    @property
+    def sweeps_to_change(self) -> float:
+        """Number of sweeps after which a residual may change the bound of β; infinite if none does."""
+        return np.inf if self._measured is None else self._measured.next_change - self._sweeps
+
+    def count_window(self, counts: Sequence[int], residuals: FloatArray) -> None:
+        """Count the sweeps of a window, and record its residuals before the last one."""
+        sweeps = self._sweeps
+        self._sweeps += sum(counts)
+        if self._measured is not None:
+            for count, residual in zip(counts, residuals, strict=False):
+                sweeps += count
+                self._measured.record_residual(sweeps, float(residual))
 
     def reduce_acceleration(self) -> bool:
         """Halve β, or set it to zero when it is small; return False if it is zero already.

@@ -127,8 +127,26 @@ class Monitor:
         check_stop(self.stop)
         self.clock = Clock(self.stop.max_seconds)
 
-    def check_convergence(self, iteration: int, residual: float, impulses: FloatArray) -> Outcome | None:
-        """Record the residual after ``iteration`` sweeps; return the outcome if the solve is over."""
+    def sweeps_between_checks(self, iteration: int) -> list[int]:
+        """Return the sweeps before each of the next checks, all but the last of which may only record the residual.
+
+        At these checks, a residual that is finite, above the tolerance and not too large has no other consequence. At
+        the last one, it may show that the sweeps make no progress, or have reached a limit.
+        """
+        counts: list[int] = []
+        last = min(self.stop.max_iterations, max(MIN_PLATEAU_SWEEPS, iteration + 1))
+        while iteration < last and len(counts) < max(CYCLE_PATIENCE - self._checks_without_progress, 1):
+            counts.append(min(sweeps_to_next_check(iteration), self.stop.max_iterations - iteration))
+            iteration += counts[-1]
+        return counts or [0]
+
+    @property
+    def max_residual(self) -> float:
+        """A residual that is not below this number ends the solve as divergent."""
+        return DIVERGENCE_GROWTH * self._first
+
+    def record(self, iteration: int, residual: float, impulses: FloatArray) -> None:
+        """Record the residual after ``iteration`` sweeps."""
         if not self._history:
             self._first = max(residual, 1.0) if residual < np.inf else 1.0
         self._iteration = iteration
@@ -139,9 +157,13 @@ class Monitor:
             self.best_residual, self.best_impulses = residual, impulses
         if not self._history or self.best_residual < RECORD_RATIO * self._history[-1][1]:
             self._history.append((iteration, self.best_residual))
+
+    def check_convergence(self, iteration: int, residual: float, impulses: FloatArray) -> Outcome | None:
+        """Record the residual after ``iteration`` sweeps; return the outcome if the solve is over."""
+        self.record(iteration, residual, impulses)
         if residual <= self.stop.tolerance:
             return Outcome(Status.SOLVED, "")
-        if not residual < DIVERGENCE_GROWTH * self._first:
+        if not residual < self.max_residual:
             return Outcome(Status.DIVERGED, _divergence_text(iteration, residual, impulses))
         limit = self.clock.reached_limit(self.stop, iteration)
         return Outcome(limit, f"residual {self.best_residual:.1e} after {iteration} sweeps") if limit else None

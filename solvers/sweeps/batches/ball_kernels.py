@@ -14,6 +14,7 @@ other data of a contact take 360 bytes, and the indices take 16.
 import numpy as np
 from numba import njit, uint64
 
+from ....problems.compilation.kernel_arrays import copy_entries
 from ....problems.contact.matrices.contact_frame import tangents
 from ....problems.contact.residual import outside_disc
 from ...iteration.momentum import extrapolate, momentum_after
@@ -119,10 +120,69 @@ def largest_violation(bodies, records, kappa, impulses, motion, weights, slots, 
     """
     for row in range(len(slots)):
         rows[row] = impulses[slots[row]]
+    return _largest_violation(bodies, records, kappa, impulses, motion, weights)
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def _largest_violation(bodies, records, kappa, impulses, motion, weights):  # type: ignore[no-untyped-def]
     moves, largest = np.empty(6 * LANES), np.zeros(LANES)
     for batch in range(uint64(len(bodies)) // (uint64(2) * uint64(LANES))):
         find_violations(bodies, records, kappa, impulses, motion, weights, batch, moves, largest)
     return np.sqrt(largest_of_lanes(largest))
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def sweep_window(  # type: ignore[no-untyped-def]
+    counts,
+    lowest,
+    limit,
+    scale,
+    bodies,
+    records,
+    kappa,
+    impulses,
+    motion,
+    change,
+    previous_motion,
+    momentum,
+    delay,
+    sweeps,
+    beta,
+    weights,
+    best,
+    residuals,
+):
+    """Do each number of sweeps, and write the residual after each; return the number of residuals and the next β.
+
+    Stop at the first residual that is not between ``lowest`` and ``limit``. ``best`` becomes the Λ with the lowest
+    residual before the last one. The residual is the largest violation divided by ``scale``; ``weights`` as in
+    ``largest_violation``, and the other arguments are those of ``sweep_balls``.
+    """
+    best_residual, n_checks = np.inf, uint64(len(counts))
+    for check in range(n_checks):
+        beta = sweep_balls(
+            counts[check],
+            bodies,
+            records,
+            kappa,
+            impulses,
+            motion,
+            change,
+            previous_motion,
+            momentum,
+            delay,
+            sweeps,
+            beta,
+        )
+        sweeps += counts[check]
+        residual = _largest_violation(bodies, records, kappa, impulses, motion, weights) / scale
+        residuals[check] = residual
+        if check + uint64(1) == n_checks or not lowest < residual < limit:
+            break
+        if residual < best_residual:
+            best_residual = residual
+            copy_entries(impulses, best)
+    return check + uint64(1), beta
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")

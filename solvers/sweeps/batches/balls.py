@@ -4,6 +4,7 @@ The iterates are those of the sweeps in the module ``pieces``. In place of two p
 the inverse masses of its balls; ``ball_kernels`` has the equations.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -17,9 +18,9 @@ from ....problems.contact.matrices.contact_frame import tangents
 from ....problems.contact.matrices.pieces import BallRecords, Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
-from ...iteration.loop import SinglePassIterates
+from ...iteration.loop import Window, WindowedIterates
 from ...iteration.momentum import MomentumState
-from .ball_kernels import ENTRIES_PER_RECORD, WEIGHTS, largest_violation, sweep_balls, velocity_in_frame
+from .ball_kernels import ENTRIES_PER_RECORD, WEIGHTS, largest_violation, sweep_balls, sweep_window, velocity_in_frame
 from .lanes import BALL_LENGTH, LANES, VECTOR, cache_lines, copy_of_lines
 from .pieces import MIN_FILL, assign_batches
 
@@ -146,7 +147,7 @@ class BallSweep:
         return BallIterates(self, start, momentum, delay)
 
 
-class BallIterates(MomentumState, SinglePassIterates):
+class BallIterates(MomentumState, WindowedIterates):
     """Λ, in the order of batches, and v and τ of all balls, of a Gauss–Seidel iteration."""
 
     def __init__(self, sweep: BallSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
@@ -160,6 +161,7 @@ class BallIterates(MomentumState, SinglePassIterates):
         self._relative_velocity = np.empty(len(start))
         self._residual: Residual | None = None
         self._weights = np.empty(0)
+        self._measured_after, self._last_residual = -1, np.inf  # sweeps before the last measurement, and its result
 
     def sweep(self, count: int) -> None:
         """Do ``count`` sweeps."""
@@ -168,6 +170,25 @@ class BallIterates(MomentumState, SinglePassIterates):
         momentum = self._momentum, self._delay, self._sweeps, self._beta
         self._beta = sweep_balls(count, sweep.bodies, sweep.records, sweep.balls.spin_ratio, *arrays, *momentum)
         self._sweeps += count
+
+    def has_windows(self, residual: Residual) -> bool:
+        """Return whether ``run_window`` applies to a residual."""
+        return can_compare_squares(residual)
+
+    def run_window(self, counts: Sequence[int], residual: Residual, limits: tuple[float, float]) -> Window:
+        """Sweep and measure repeatedly; see ``WindowedIterates``."""
+        self._use_residual(residual)
+        sweep, residuals, best = self._sweep, np.empty(len(counts)), self._impulses.copy()
+        arrays = (self._impulses, self._motion, self._change, self._previous_motion)
+        momentum = self._momentum, self._delay, self._sweeps, self._beta
+        data = sweep.bodies, sweep.records, sweep.balls.spin_ratio
+        n_checks, self._beta = sweep_window(
+            np.array(counts), *limits, residual.scale, *data, *arrays, *momentum, self._weights, best, residuals
+        )
+        self.count_window(counts[:n_checks], residuals[: n_checks - 1])
+        last = float(residuals[n_checks - 1])
+        self._measured_after, self._last_residual = self._sweeps, np.inf if np.isnan(last) else last
+        return Window(residuals[:n_checks], best[sweep.slots])
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
@@ -187,12 +208,17 @@ class BallIterates(MomentumState, SinglePassIterates):
         if not can_compare_squares(residual):
             impulses = self.impulses()
             return impulses, residual(impulses, self.relative_velocity())
+        if self._measured_after == self._sweeps and residual is self._residual:
+            return self.impulses(), self._last_residual
+        self._use_residual(residual)
         sweep, impulses = self._sweep, np.empty(len(self._sweep.slots))
-        if residual is not self._residual:
-            self._residual, self._weights = residual, sweep.weights(residual)
         arrays = sweep.bodies, sweep.records, sweep.balls.spin_ratio, self._impulses, self._motion
         violation = largest_violation(*arrays, self._weights, sweep.slots, impulses)
         return impulses, ratio(violation, residual.scale)
+
+    def _use_residual(self, residual: Residual) -> None:
+        if residual is not self._residual:
+            self._residual, self._weights = residual, self._sweep.weights(residual)
 
 
 def can_compare_squares(residual: Residual) -> bool:
