@@ -35,16 +35,24 @@ CONTRACT = ("contract",)
 
 def cache_lines(count: int) -> FloatArray:
     """Return zeros for ``count`` balls, flat, each of which occupies one cache line."""
-    numbers = np.zeros(BALL_LENGTH * (count + 1))
-    first = -(numbers.ctypes.data // numbers.itemsize) % BALL_LENGTH
-    return numbers[first : first + BALL_LENGTH * count]
+    numbers = _aligned(BALL_LENGTH * count)
+    numbers.fill(0.0)
+    return numbers
 
 
 def copy_of_lines(numbers: FloatArray) -> FloatArray:
     """Return a copy that begins at a cache line."""
-    copy = cache_lines(-(-len(numbers) // BALL_LENGTH))[: len(numbers)]
+    copy = _aligned(len(numbers))
     copy[:] = numbers
     return copy
+
+
+def _aligned(length: int) -> FloatArray:
+    """Return an array of any numbers that begins at a cache line."""
+    numbers = np.empty(length + BALL_LENGTH)
+    address: int = numbers.__array_interface__["data"][0]
+    first = -(address // numbers.itemsize) % BALL_LENGTH
+    return numbers[first : first + length]
 
 
 class Instructions:

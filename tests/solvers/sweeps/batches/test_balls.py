@@ -1,6 +1,8 @@
 """Sweeps over records of balls equal those over pieces."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,8 @@ from proxbench.problems.contact.residual import Residual
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.stepping.midpoint import step_problem
 from proxbench.solvers import Stop, create
-from proxbench.solvers.iteration.loop import impulses_and_residual
+from proxbench.solvers.iteration import loop
+from proxbench.solvers.iteration.loop import Window, impulses_and_residual
 from proxbench.solvers.sweeps.batches.balls import BallIterates, BallSweep
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
@@ -107,3 +110,60 @@ def test_the_residual_of_one_pass_is_not_finite_if_an_impulse_is_nan() -> None:
     start[7] = np.nan
     iterates = create("SORprox", form="factors").prepare(problem).begin(start)
     assert not impulses_and_residual(iterates, Residual(problem))[1] < np.inf
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    seed=st.integers(0, 2**31),
+    options=st.sampled_from(
+        [{}, {"momentum": 0.65}, {"momentum": "measured"}, {"momentum": 0.97, "momentum_delay": 4.0}]
+    ),
+    relaxation=st.sampled_from([0.9, 1.1, 1.95]),
+    tolerance=st.sampled_from([1e-2, 1e-6, 1e-16]),
+    max_iterations=st.one_of(st.integers(0, 60), st.sampled_from([700, 2300])),
+    rows_swept=st.sampled_from([1, 20_000, 10**9]),
+)
+def test_windows_of_sweeps_and_checks_give_the_solution_of_single_checks(
+    seed: int, options: dict[str, float], relaxation: float, tolerance: float, max_iterations: int, rows_swept: int
+) -> None:
+    """An observer requires single checks."""
+    windows: list[int] = []
+    run_window = BallIterates.run_window
+
+    def counted(self: BallIterates, counts: Sequence[int], *arguments: Any) -> Window:
+        window = run_window(self, counts, *arguments)
+        windows.append(len(window.residuals))
+        return window
+
+    prepared = create("SORprox", form="factors", relaxation=relaxation, **options).prepare(heap(seed))
+    stop = Stop(tolerance, max_iterations)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(BallIterates, "run_window", counted)
+        patch.setattr(loop, "MAX_ROWS_SWEPT", rows_swept)
+        found = prepared.solve(stop)
+        n_windows = len(windows)
+        expected = prepared.solve(stop, observe=lambda iteration, impulses: None)
+        assert len(windows) == n_windows
+    assert np.array_equal(found.impulses, expected.impulses)
+    assert (found.status, found.iterations, found.message) == (
+        expected.status,
+        expected.iterations,
+        expected.message,
+    )
+    if rows_swept == 10**9 and found.iterations >= 4:
+        assert max(windows) > 1
+
+
+def test_a_window_ends_at_the_first_residual_beyond_its_limits() -> None:
+    problem = heap(3)
+    residual = Residual(problem)
+
+    def residuals(limits: tuple[float, float]) -> list[float]:
+        iterates = create("SORprox", form="factors").prepare(problem).begin(np.zeros(problem.n_rows))
+        return iterates.run_window([3] * 8, residual, limits).residuals.tolist()
+
+    every = residuals((0.0, np.inf))
+    assert len(every) == 8
+    first_below = next(number for number, value in enumerate(every, 1) if value <= every[4])
+    assert residuals((every[4], np.inf)) == every[:first_below]
+    assert residuals((0.0, every[0])) == every[:1]
