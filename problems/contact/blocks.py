@@ -83,8 +83,10 @@ class BlockLayout:
         The layout must be dense, and no later block may bound the friction of these blocks.
         """
         arrays = {name: getattr(self, name)[:n_blocks] for name in _OF_BLOCKS}
-        slot = self.slot[: n_blocks * self.width]
-        return replace(self, slot=slot, **arrays)
+        layout = replace(self, slot=self.slot[: n_blocks * self.width], **arrays)
+        if self.bounds_are_own:
+            layout.__dict__["bounds_are_own"] = True
+        return layout
 
     @property
     def n_blocks(self) -> int:
