@@ -86,11 +86,6 @@ class Residual:
         self._rows, self._bounds = (laws.sets, laws.row_count, laws.first_row), (laws.friction_coefficient, fixed_bound)
         self._partner = laws.partner
 
-    @property
-    def n_rows(self) -> int:
-        """Number of rows of the problem."""
-        return len(self._diagonal)
-
     @cached_property
     def components(self) -> IntArray:
         """The connected component of each law, shape (n_laws,)."""

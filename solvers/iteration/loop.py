@@ -16,8 +16,8 @@ from .stopping import BETTER_RATIO, CYCLE_PATIENCE, MAX_CHECK_INTERVAL, Monitor,
 ROUNDING_TEST_SWEEPS = CYCLE_PATIENCE * MAX_CHECK_INTERVAL
 """Number of sweeps without a clearly better residual in the judge's arithmetic that establishes the rounding limit."""
 
-MAX_ROWS_SWEPT = 1_000_000
-"""Largest number of sweeps times rows between two readings of the clock, about 5 ms."""
+MAX_LAWS_SWEPT = 500_000
+"""Largest number of sweeps times laws between two readings of the clock, which take a few milliseconds."""
 
 
 class Iterates(Protocol):
@@ -190,7 +190,7 @@ class IterationDriver:
         """Sweep until a check may end the sweeps or change them; record the residuals of the checks before."""
         iterates, counts = self.iterates, self.monitor.sweeps_between_checks(self.iteration)
         if self.observe is None and isinstance(iterates, WindowedIterates) and iterates.has_windows(residual):
-            counts = _first_counts(counts, min(iterates.sweeps_to_change, MAX_ROWS_SWEPT / max(residual.n_rows, 1)))
+            counts = _first_counts(counts, min(iterates.sweeps_to_change, MAX_LAWS_SWEPT / max(len(residual.alpha), 1)))
             if len(counts) > 1:
                 limits = self.monitor.stop.tolerance, self.monitor.max_residual
                 window = iterates.run_window(counts, residual, limits)

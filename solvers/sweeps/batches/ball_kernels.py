@@ -14,7 +14,6 @@ other data of a contact take 360 bytes, and the indices take 16.
 import numpy as np
 from numba import njit, uint64
 
-from ....problems.compilation.kernel_arrays import copy_entries
 from ....problems.contact.matrices.contact_frame import tangents
 from ....problems.contact.residual import outside_disc
 from ...iteration.momentum import extrapolate, momentum_after
@@ -181,7 +180,8 @@ def sweep_window(  # type: ignore[no-untyped-def]
             break
         if residual < best_residual:
             best_residual = residual
-            copy_entries(impulses, best)
+            for entry in range(uint64(len(best))):
+                best[entry] = impulses[entry]
     return check + uint64(1), beta
 
 

@@ -121,10 +121,10 @@ def test_the_residual_of_one_pass_is_not_finite_if_an_impulse_is_nan() -> None:
     relaxation=st.sampled_from([0.9, 1.1, 1.95]),
     tolerance=st.sampled_from([1e-2, 1e-6, 1e-16]),
     max_iterations=st.one_of(st.integers(0, 60), st.sampled_from([700, 2300])),
-    rows_swept=st.sampled_from([1, 20_000, 10**9]),
+    laws_swept=st.sampled_from([1, 20_000, 10**9]),
 )
 def test_windows_of_sweeps_and_checks_give_the_solution_of_single_checks(
-    seed: int, options: dict[str, float], relaxation: float, tolerance: float, max_iterations: int, rows_swept: int
+    seed: int, options: dict[str, float], relaxation: float, tolerance: float, max_iterations: int, laws_swept: int
 ) -> None:
     """An observer requires single checks."""
     windows: list[int] = []
@@ -139,7 +139,7 @@ def test_windows_of_sweeps_and_checks_give_the_solution_of_single_checks(
     stop = Stop(tolerance, max_iterations)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(BallIterates, "run_window", counted)
-        patch.setattr(loop, "MAX_ROWS_SWEPT", rows_swept)
+        patch.setattr(loop, "MAX_LAWS_SWEPT", laws_swept)
         found = prepared.solve(stop)
         n_windows = len(windows)
         expected = prepared.solve(stop, observe=lambda iteration, impulses: None)
@@ -150,7 +150,7 @@ def test_windows_of_sweeps_and_checks_give_the_solution_of_single_checks(
         expected.iterations,
         expected.message,
     )
-    if rows_swept == 10**9 and found.iterations >= 4:
+    if laws_swept == 10**9 and found.iterations >= 4:
         assert max(windows) > 1
 
 

@@ -54,8 +54,8 @@ def pairs_of_bodies(rng: np.random.Generator, n_bodies: int, length: int) -> np.
 
 
 @pytest.mark.parametrize("writes_idle", [True, False])
-@pytest.mark.parametrize("length", range(1, 10))
-def test_chunks_of_any_length_move_to_lanes_and_back(length: int, writes_idle: bool) -> None:
+@pytest.mark.parametrize("length", [3, 6, 9])
+def test_chunks_shorter_and_longer_than_vectors_move_to_lanes_and_back(length: int, writes_idle: bool) -> None:
     rng = np.random.default_rng(length)
     axes = tuple(np.arange(length, dtype=np.uint64))
     bodies = pairs_of_bodies(rng, 50, length)
