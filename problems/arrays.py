@@ -1,6 +1,7 @@
 """Array types, read-only copies, and sparse matrices as labelled arrays."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,27 @@ def read_only(*arrays: NDArray[Any]) -> None:
     """Make arrays read-only."""
     for array in arrays:
         array.setflags(write=False)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadOnlyRecord:
+    """Base class of records whose arrays are read-only, in copies and pickles too; these hold the fields alone."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        for name, value in state.items():
+            read_only(*_arrays_in(value))  # a pickle does not store the flag
+            object.__setattr__(self, name, value)
+
+
+def _arrays_in(value: Any) -> list[NDArray[Any]]:
+    """Return an array, the arrays of a CSR or CSC matrix, or those of a tuple; nothing for other values."""
+    if isinstance(value, tuple):
+        return [array for part in value for array in _arrays_in(part)]
+    parts = (value, *(getattr(value, part, None) for part in ("data", "indices", "indptr")))
+    return [part for part in parts if isinstance(part, np.ndarray)]
 
 
 def compressed_arrays(label: str, matrix: Any) -> dict[str, NDArray[Any]]:

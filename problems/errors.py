@@ -1,5 +1,6 @@
 """Errors that users can cause, and the suggestions in their messages."""
 
+import copyreg
 import sysconfig
 import traceback
 from collections.abc import Iterable
@@ -13,6 +14,10 @@ class ProxbenchError(Exception):
     The message names options as in Python, between backticks: ```run_id```, ```force=True```. The command line replaces
     them with ``--run-id`` and ``--force``.
     """
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # the default calls the class with the message alone, but subclasses build it from other arguments
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
 
 
 class ProblemError(ProxbenchError, ValueError):

@@ -28,7 +28,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import FloatArray, IntArray, frozen, read_only
+from ..arrays import FloatArray, IntArray, ReadOnlyRecord, frozen, read_only
 from ..errors import ProblemError
 from ..representation import html_table
 
@@ -90,7 +90,7 @@ _FIELDS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Laws:
+class Laws(ReadOnlyRecord):
     """The force laws of a problem, one entry for each law, in the order of their rows.
 
     Attributes:

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray, frozen, read_only, real_numbers
+from ..arrays import FloatArray, ReadOnlyRecord, frozen, read_only, real_numbers
 from ..engine_model import EngineModel
 from ..errors import ProblemError
 from ..representation import counted, html_table
@@ -32,7 +32,7 @@ from .matrices.delassus import DelassusBlocks, blocks_from_matrix, blocks_from_p
 from .matrices.factors import Factors
 from .matrices.pieces import Pieces
 from .matrices.symmetric import checked_delassus
-from .matrices.user_matrices import sparse_arrays
+from .matrices.user_matrices import read_only_copy, sparse_arrays
 
 FREE_FALL = "free_fall"
 """The key of the provenance for the velocity that free bodies gain in the problem's time step [m/s]."""
@@ -42,7 +42,7 @@ UNNAMED = "unnamed"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactProblem:
+class ContactProblem(ReadOnlyRecord):
     """One frictional contact problem; create it with ``from_delassus`` or ``from_factors``.
 
     Attributes:
@@ -93,6 +93,12 @@ class ContactProblem:
             object.__setattr__(self, "keys", tuple(self.keys))
         if self.engine is not None and self.engine.n_rows != self.laws.n_rows:
             raise ProblemError(f"the engine's model has {self.engine.n_rows} impulses for {self.laws.n_rows} rows.")
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "provenance": dict(self.provenance)}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        super().__setstate__({**state, "provenance": MappingProxyType(state["provenance"])})
 
     def __repr__(self) -> str:
         joints, rows = self.laws.n_joint_rows, counted(self.n_rows, "row")
@@ -323,7 +329,7 @@ class ContactProblem:
         return self._described(
             free_velocity=frozen(self.free_velocity, np.float64),
             laws=self.laws.fresh(),
-            matrix=None if self.matrix is None else _copied(self.matrix),
+            matrix=None if self.matrix is None else read_only_copy(self.matrix),
             factors=None if self.factors is None else self.factors.fresh(),
             engine=None if self.engine is None else self.engine.fresh(),
         )
@@ -338,12 +344,6 @@ class ContactProblem:
         if other.answer is not None:
             other.answer.check(other.n_rows)
         return other
-
-
-def _copied(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
-    copy = matrix.copy()
-    read_only(copy.data, copy.indices, copy.indptr)
-    return copy
 
 
 def _as_vector(values: ArrayLike, name: str) -> FloatArray:

@@ -83,6 +83,13 @@ def check_finite(matrix: Any, name: str) -> None:
     read_only(matrix.data, matrix.indices, matrix.indptr)
 
 
+def read_only_copy(matrix: Compressed) -> Compressed:
+    """Return a copy of a CSR or CSC matrix with read-only arrays."""
+    other: Compressed = matrix.copy()
+    read_only(other.data, other.indices, other.indptr)
+    return other
+
+
 def with_entries(matrix: Compressed, data: NDArray[Any], indices: NDArray[Any], indptr: NDArray[Any]) -> Compressed:
     """Return a matrix of the type, shape and flags of ``matrix`` with other entries.
 
