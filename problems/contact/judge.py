@@ -286,7 +286,8 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
     if layout.rolling:
         lift += layout.rolling_coefficient * np.sqrt(_squares(rolling))
     velocities[:, 0] += lift
-    difference = lanes - onto_contact_cones(layout, lanes - velocities, friction, fixed_bound, np.ones(layout.n_blocks))
+    cones = friction, fixed_bound, layout.rolling_bound, np.ones(layout.n_blocks)
+    difference = lanes - onto_contact_cones(layout, lanes - velocities, *cones)
     frictionless = (layout.friction_law < 0) & (layout.rolling_law < 0) & ~layout.is_bilateral
     difference[frictionless, 0] = np.minimum(lanes[frictionless, 0], velocities[frictionless, 0])
     difference[layout.is_bilateral] = velocities[layout.is_bilateral]

@@ -117,7 +117,12 @@ def onto_cone(
 
 
 def onto_contact_cones(
-    layout: BlockLayout, lanes: FloatArray, friction: FloatArray, fixed_bound: FloatArray, length: FloatArray
+    layout: BlockLayout,
+    lanes: FloatArray,
+    friction: FloatArray,
+    fixed_bound: FloatArray,
+    rolling_bound: FloatArray,
+    length: FloatArray,
 ) -> FloatArray:
     """Project the impulses of each block onto its cone; impulses of bilateral blocks do not change.
 
@@ -126,6 +131,7 @@ def onto_contact_cones(
         lanes: impulses, the rolling ones divided by ``length``, padded to shape (n_blocks, width).
         friction: μ of the block's own Λ_N, shape (n_blocks,).
         fixed_bound: the constant part of the bound on Λ_T [N s], shape (n_blocks,).
+        rolling_bound: the constant part of the bound on Λ_R [N m s], shape (n_blocks,).
         length: divisor of the rolling impulses [m], shape (n_blocks,).
 
     Returns:
@@ -135,7 +141,7 @@ def onto_contact_cones(
     if layout.rolling:
         parts.append(lanes[:, 1 + layout.sliding :])
         coefficients.append(layout.rolling_coefficient / length)
-        bounds.append(layout.rolling_bound / length)
+        bounds.append(rolling_bound / length)
     normal, projected_parts = onto_cone(lanes[:, 0], parts, coefficients, bounds)
     projected = np.column_stack([normal, *projected_parts])
     if not layout.has_contacts_only:
