@@ -115,9 +115,9 @@ def parse_shard(shard: str) -> tuple[int, int]:
     return number, count
 
 
-def problem_name(problem: str | ContactProblem) -> str:
-    """Return the name of a problem."""
-    return problem if isinstance(problem, str) else problem.name
+def problem_name(problem: ProblemSource) -> str:
+    """Return the name of a problem, or its file as given."""
+    return problem.name if isinstance(problem, ContactProblem) else str(problem)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 import msgspec
 from msgspec import Meta, Struct
 
-from ...problems.exchange.families import family_of
+from ...problems.exchange.families import Sampling, family_of
 from ..errors import BenchError
 from .fields import MAX_NUMBER, Count, Number, Positive, Record, Tolerance
 
@@ -186,6 +186,9 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
         methods: the steppers with solvers; empty in a run over contact problems.
         trajectories: the problems of a run over trajectories.
         suite: name of the suite; empty if the problems were named.
+        requested: the suite, or problems, files and folders, as given; empty in a run that is merged from several.
+        sample: number of drawn problems; None if all were taken.
+        sampling: how the sample was divided among families.
         families: family of each problem, by name.
         left_out: a sentence for each file of a folder that cannot be measured.
         shard: part of a divided run, such as "2/8"; empty for a whole run.
@@ -199,6 +202,9 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
     methods: list[MethodRecord] = []
     trajectories: list[TrajectoryRecord] = []
     suite: str = ""
+    requested: list[str] = []
+    sample: Count | None = None
+    sampling: Sampling = "proportional"
     families: dict[str, str] = {}
     left_out: list[str] = []
     shard: Annotated[str, Meta(pattern="^([1-9][0-9]{0,4}/[1-9][0-9]{0,4})?$")] = ""
