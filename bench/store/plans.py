@@ -156,8 +156,8 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
         reference: method that simulates the reference, with one value; None if the end of the motion is known.
         known: the simulated part of the reference, or the known end.
         scale: scale by which differences from the known end are divided.
-        displacement: largest displacement of a coordinate from the start to the known end [m], stored as "way"; None if
-            unknown.
+        displacement: largest displacement of a coordinate from the start at any time of the reference [m], stored as
+            "way"; None if unknown.
 
     Raises:
         ValueError: if members of the reference have values of different names.
