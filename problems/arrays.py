@@ -17,8 +17,9 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
     """Return ``values``, called ``name`` in error messages, as an array of any real type.
 
     Raises:
-        ProblemError: if ``values`` are complex numbers, strings or other objects.
+        ProblemError: if ``values`` are complex numbers, strings or other objects, or an entry is masked.
     """
+    check_no_mask(values, name)
     try:
         array = np.asarray(values)
     except (TypeError, ValueError):
@@ -26,6 +27,13 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
     if array.dtype.kind not in "fiub":
         raise ProblemError(f"{name} must be an array of real numbers, got an array of {array.dtype}.")
     return array
+
+
+def check_no_mask(values: object, name: str) -> None:
+    """Raise ``ProblemError`` if an entry of ``values``, called ``name``, is masked: its number would be used anyway."""
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        entry = ", ".join(map(str, np.argwhere(np.ma.getmaskarray(values))[0]))
+        raise ProblemError(f"{name}[{entry}] is masked; fill it with a number, as by values.filled(0.0), or omit it.")
 
 
 def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:

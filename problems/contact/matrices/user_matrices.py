@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numba import njit, uint64
 from numpy.typing import NDArray
 
-from ...arrays import read_only
+from ...arrays import check_no_mask, read_only
 from ...compilation.interpretation import interpretable
 from ...errors import ProblemError
 
@@ -56,8 +56,9 @@ def as_matrix(matrix_like: Any, name: str) -> Any:
     """Return ``matrix_like`` if it is a sparse matrix, else a dense matrix of numbers.
 
     Raises:
-        ProblemError: if ``matrix_like`` is not a matrix of real numbers.
+        ProblemError: if ``matrix_like`` is not a matrix of real numbers, or an entry is masked.
     """
+    check_no_mask(matrix_like, name)
     try:
         matrix: Any = matrix_like if sp.issparse(matrix_like) else np.asarray(matrix_like)
         if matrix.ndim == 2 and matrix.dtype.kind in "fiub":
