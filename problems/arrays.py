@@ -12,6 +12,9 @@ from .errors import ProblemError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+MAX_ROWS = 2**31
+"""Exclusive bound of the number of rows, which 32-bit indices of matrices can number."""
+
 
 def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
     """Return ``values``, called ``name`` in error messages, as an array of any real type.
@@ -27,6 +30,33 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
     if array.dtype.kind not in "fiub":
         raise ProblemError(f"{name} must be an array of real numbers, got an array of {array.dtype}.")
     return array
+
+
+def real_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
+    """Return ``values``, called ``name``, as a vector of doubles with one entry for each of ``length`` rows.
+
+    Raises:
+        ProblemError: if ``values`` are not real numbers, or have another shape.
+    """
+    vector = np.asarray(real_numbers(values, name), dtype=np.float64)
+    if vector.shape != (length,):
+        raise ProblemError(f"{name} must have shape ({length},), one entry per row; got {vector.shape}.")
+    return vector
+
+
+def finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
+    """Return ``real_vector`` of finite numbers; raise ``ProblemError`` that names the first other one."""
+    vector = real_vector(values, name, length)
+    bad = np.flatnonzero(~np.isfinite(vector))
+    if len(bad):
+        raise ProblemError(f"{name}[{bad[0]}] = {vector[bad[0]]} must be finite.")
+    return vector
+
+
+def check_count(name: str, value: object) -> None:
+    """Raise ``ProblemError`` unless ``value``, called ``name``, is a number of rows or contacts."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 0 <= value < MAX_ROWS:
+        raise ProblemError(f"{name} must be a whole number from 0 to {MAX_ROWS - 1}, got {value!r:.60}.")
 
 
 def check_no_mask(values: object, name: str) -> None:

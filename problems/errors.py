@@ -1,6 +1,7 @@
 """Errors that users can cause, and the suggestions in their messages."""
 
 import copyreg
+import re
 import sysconfig
 import traceback
 from collections.abc import Iterable
@@ -14,6 +15,9 @@ class ProxbenchError(Exception):
     The message names options as in Python, between backticks: ```run_id```, ```force=True```. The command line replaces
     them with ``--run-id`` and ``--force``.
     """
+
+    def __str__(self) -> str:
+        return re.sub(r"\s*\n\s*", " ", super().__str__())  # a rejected array, for example, has several lines
 
     def __reduce__(self) -> tuple[object, ...]:
         # the default calls the class with the message alone, but subclasses build it from other arguments

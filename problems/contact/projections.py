@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray, real_numbers
+from ..arrays import FloatArray, real_vector
 from ..errors import ProblemError
 from .blocks import BlockLayout
 from .laws import BALL, HALF_LINE, Laws
@@ -31,11 +31,12 @@ def project(laws: Laws, impulses: ArrayLike) -> FloatArray:
         The projected Λ [N s], a new array of shape (n_rows,).
 
     Raises:
-        ProblemError: if ``impulses`` has the wrong shape, or is not made of real numbers.
+        ProblemError: if ``laws`` are not laws, or ``impulses`` has the wrong shape or is not made of real numbers.
     """
-    projected = np.array(real_numbers(impulses, "impulses"), dtype=np.float64)
-    if projected.shape != (laws.n_rows,):
-        raise ProblemError(f"impulses must have shape ({laws.n_rows},), one entry per row; got {projected.shape}.")
+    first: object = laws
+    if not isinstance(first, Laws):
+        raise ProblemError(f"project takes Laws, such as problem.laws, not {type(laws).__name__}.")
+    projected = real_vector(impulses, "impulses", laws.n_rows).copy()
     bounds = laws.friction_coefficient, laws.fixed_bound, laws.partner
     _project(laws.sets, laws.first_row, laws.row_count, *bounds, projected)
     return projected

@@ -151,8 +151,8 @@ def suite_members(name: str) -> list[str]:
     Raises:
         ProblemError: if the suite is unknown; the message suggests the nearest name.
     """
-    if name not in SUITES:
-        raise ProblemError(f"there is no suite {name!r}{suggestion(name, SUITES)}")
+    if not isinstance(name, str) or name not in SUITES:
+        raise ProblemError(f"there is no suite {name!r:.60}{suggestion(str(name), SUITES)}")
     return list(SUITES[name])
 
 

@@ -105,6 +105,9 @@ def cvxpy() -> Any:
 
 def check_solver(name: str) -> None:
     """Raise ``SolverError`` unless the solver ``name`` of cvxpy is installed and supports quadratic objectives."""
+    given: object = name
+    if not isinstance(given, str):
+        raise SolverError(f"the solver of cvxpy has a name, such as {BUNDLED_CONIC!r}, not {name!r:.60}.")
     if name in (BUNDLED_CONIC, BUNDLED_QUADRATIC):
         return  # avoids importing cvxpy
     known = installed_solvers(cones=False)
