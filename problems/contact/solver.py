@@ -94,8 +94,10 @@ class Stop:
         if limit < self.max_iterations < sys.maxsize:
             raise SolverError(f"`max_iterations` must be a whole number, got {self.max_iterations}.")
         object.__setattr__(self, "max_iterations", limit)
-        if self.max_seconds > sys.float_info.max:
-            object.__setattr__(self, "max_seconds", np.inf)
+        for name in ("tolerance", "max_seconds"):
+            value = getattr(self, name)
+            if isinstance(value, int) and value > sys.float_info.max:
+                object.__setattr__(self, name, np.inf)
         if not self.max_seconds > 0:
             raise SolverError(f"`max_seconds` must be positive, got {self.max_seconds:g}; choose one such as 60.")
 
