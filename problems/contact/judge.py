@@ -284,7 +284,7 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
     if layout.rolling:
         lift += layout.rolling_coefficient * np.sqrt(_squares(rolling))
     velocities[:, 0] += lift
-    cones = friction, fixed_bound, layout.rolling_bound, np.ones(layout.n_blocks)
+    cones = friction, (fixed_bound, layout.rolling_bound), np.ones(layout.n_blocks)
     difference = lanes - onto_contact_cones(layout, lanes - velocities, *cones)
     frictionless = (layout.friction_law < 0) & (layout.rolling_law < 0) & ~layout.is_bilateral
     difference[frictionless, 0] = np.minimum(lanes[frictionless, 0], velocities[frictionless, 0])

@@ -121,8 +121,7 @@ def onto_contact_cones(
     layout: BlockLayout,
     lanes: FloatArray,
     friction: FloatArray,
-    fixed_bound: FloatArray,
-    rolling_bound: FloatArray,
+    fixed_bounds: tuple[FloatArray, FloatArray],
     length: FloatArray,
 ) -> FloatArray:
     """Project the impulses of each block onto its cone; impulses of bilateral blocks do not change.
@@ -131,14 +130,14 @@ def onto_contact_cones(
         layout: the blocks.
         lanes: impulses, the rolling ones divided by ``length``, padded to shape (n_blocks, width).
         friction: μ of the block's own Λ_N, shape (n_blocks,).
-        fixed_bound: the constant part of the bound on Λ_T [N s], shape (n_blocks,).
-        rolling_bound: the constant part of the bound on Λ_R [N m s], shape (n_blocks,).
+        fixed_bounds: the constant parts of the bounds on Λ_T [N s] and on Λ_R [N m s], each of shape (n_blocks,).
         length: divisor of the rolling impulses [m], shape (n_blocks,).
 
     Returns:
         The projected impulses, shape (n_blocks, width).
     """
-    parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [fixed_bound]
+    sliding_bound, rolling_bound = fixed_bounds
+    parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [sliding_bound]
     if layout.rolling:
         parts.append(lanes[:, 1 + layout.sliding :])
         coefficients.append(layout.rolling_coefficient / length)

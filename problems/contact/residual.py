@@ -363,7 +363,7 @@ def _convex_violations(
     held, moves = block_alpha[:, None] * lanes, block_alpha > 0
     target = held - np.where(moves[:, None], velocities, 0.0)
     bounds = block_alpha * layout.fixed_bound, block_alpha * layout.rolling_bound
-    projected = onto_contact_cones(layout, target, layout.friction_coefficient, *bounds, unit)
+    projected = onto_contact_cones(layout, target, layout.friction_coefficient, bounds, unit)
     difference = held - projected
     violation = np.sqrt(difference[:, 0] ** 2 + (difference[:, 1:] ** 2).sum(axis=1))
     violation = np.maximum(violation, PROJECTION_ROUNDINGS * UNIT * np.sqrt((held**2).sum(axis=1)))
