@@ -73,10 +73,10 @@ def changed_limits(
 
 def require_number(name: str, value: object, is_whole: bool = False) -> None:
     """Raise ``BenchError`` if a setting is not a real number that a double represents, or not whole as required."""
-    if not isinstance(value, Real):
-        raise BenchError(f"`{name}` must be a number, got {value!r:.60}.")
     if isinstance(value, int) and abs(value) > MAX_NUMBER:
         raise BenchError(f"`{name}` must be less than {MAX_NUMBER:g}, got a number of {len(str(value))} digits.")
+    if not isinstance(value, Real):
+        raise BenchError(f"`{name}` must be a number, got {value!r:.60}.")
     if is_whole and not isinstance(value, Integral):
         raise BenchError(f"`{name}` must be a whole number, got {value!r:.60}.")
 

@@ -4,8 +4,9 @@ import hashlib
 import re
 from collections.abc import Mapping
 from functools import cache
-from numbers import Integral
 from typing import Literal, get_args
+
+import numpy as np
 
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError, suggestion
@@ -38,7 +39,7 @@ def check_sampling(count: object, sampling: object) -> None:
         raise ProblemError(f"`sampling` {sampling!r:.60} is unknown{suggestion(str(sampling), get_args(Sampling))}")
     if count is None:
         return
-    if not isinstance(count, Integral) or count >= 2**63:
+    if not isinstance(count, int | np.integer) or count >= 2**63:
         raise ProblemError(
             f"`sample` must be a whole number below 2**63, got {count!r:.60}; omit it to take all problems."
         )
