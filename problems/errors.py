@@ -1,6 +1,5 @@
 """Errors that users can cause, and the suggestions in their messages."""
 
-import copyreg
 import re
 import sysconfig
 import traceback
@@ -21,7 +20,12 @@ class ProxbenchError(Exception):
 
     def __reduce__(self) -> tuple[object, ...]:
         # the default calls the class with the message alone, but subclasses build it from other arguments
-        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
+        return _rebuilt, (type(self), self.args), vars(self)
+
+
+def _rebuilt(kind: type[ProxbenchError], arguments: tuple[object, ...]) -> ProxbenchError:
+    """Return an error without calling its class; ``MemoryError``, a base of one kind, has another ``__new__``."""
+    return Exception.__new__(kind, *arguments)
 
 
 class ProblemError(ProxbenchError, ValueError):

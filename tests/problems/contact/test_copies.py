@@ -10,7 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from proxbench.problems import Answer, ContactProblem, ProblemError, judge, load
+from proxbench.problems import (
+    Answer,
+    ContactProblem,
+    InsufficientMemoryError,
+    PluginError,
+    ProblemError,
+    ProxbenchError,
+    judge,
+    load,
+)
 from proxbench.problems.contact.matrices.factors import InverseMass
 from proxbench.solvers import Solution, Stop, solve
 
@@ -107,6 +116,14 @@ class RowError(ProblemError):
     def __init__(self, row: int, *, remedy: str) -> None:
         super().__init__(f"row {row} is empty; {remedy}.")
         self.row = row
+
+
+@pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
+def test_a_copy_of_any_error_has_its_message(copied: Callable[[Any], Any]) -> None:
+    for kind in (ProxbenchError, *ProxbenchError.__subclasses__(), InsufficientMemoryError, PluginError):
+        if "__init__" not in vars(kind):
+            other = copied(kind("it is full."))
+            assert (type(other), str(other), other.args) == (kind, "it is full.", ("it is full.",))
 
 
 @pytest.mark.parametrize("copied", COPIES.values(), ids=COPIES)
