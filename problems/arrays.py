@@ -1,5 +1,6 @@
 """Array types, read-only copies, and sparse matrices as labelled arrays."""
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -11,6 +12,9 @@ from .errors import ProblemError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+MAX_DOUBLE = sys.float_info.max
+"""Largest finite number of double precision."""
 
 MAX_ROWS = 2**31
 """Exclusive bound of the number of rows, which 32-bit indices of matrices can number."""
@@ -51,6 +55,13 @@ def finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
     if len(bad):
         raise ProblemError(f"{name}[{bad[0]}] = {vector[bad[0]]} must be finite.")
     return vector
+
+
+def check_number(name: str, value: object, lowest: float = -MAX_DOUBLE) -> None:
+    """Raise ``ProblemError`` unless ``value``, called ``name``, is a real number, finite and at least ``lowest``."""
+    if not isinstance(value, int | float | np.integer | np.floating) or not lowest <= value <= MAX_DOUBLE:
+        requirement = "finite and not negative" if lowest == 0.0 else "finite"
+        raise ProblemError(f"{name} must be {requirement}, got {value!r:.60}.")
 
 
 def check_count(name: str, value: object) -> None:

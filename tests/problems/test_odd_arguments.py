@@ -21,6 +21,11 @@ from proxbench.problems import (
     suite,
     write_fclib,
 )
+from proxbench.problems.motion.bodies.rigid.orientation import about
+from proxbench.problems.motion.bodies.rigid.shapes import Box
+from proxbench.problems.motion.scenes.effects import Drag, Gravity, Spring
+from proxbench.problems.motion.scenes.registry import make_scene
+from proxbench.problems.motion.scenes.rigid.effects import rigid_bodies
 from proxbench.solvers import Stop, create, solve
 
 G = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.1], [0.0, 0.1, 3.0]])
@@ -99,6 +104,14 @@ CALLS: dict[str, Callable[[Any], object]] = {
     "suite": suite,
     "save_problem": lambda odd: save_problem(odd, "odd.npz"),
     "write_fclib": lambda odd: write_fclib(odd, "odd.hdf5"),
+    "acceleration": Gravity,
+    "drag": Drag,
+    "stiffness": lambda odd: Spring(odd, (0.0, 0.0, 0.0)),
+    "anchor": lambda odd: Spring(1.0, odd),
+    "axis": lambda odd: about(odd, 1.0),
+    "angle": lambda odd: about((1.0, 0.0, 0.0), odd),
+    "masses": lambda odd: rigid_bodies([Box((1.0, 1.0, 1.0))], odd, [], [Gravity()]),
+    "options of a scene": lambda odd: make_scene("pile", odd),
     "create": create,
     "solve, problem": solve,
     "solve, solver": lambda odd: solve(MATRIX, odd),
@@ -144,6 +157,11 @@ def test_impulses_of_another_length_are_not_multiplied(problem: ContactProblem, 
     for product in (problem.relative_velocity, problem.accurate_velocity):
         with pytest.raises(ProblemError, match=rf"impulses must have shape \(3,\).*got \({length},\)"):
             product(np.ones(length))
+
+
+def test_a_rotation_about_no_axis_is_refused_and_not_a_number() -> None:
+    with pytest.raises(ProblemError, match="axis of a rotation must not be zero"):
+        about((0.0, 0.0, 0.0), 1.0)
 
 
 def test_a_solution_that_is_not_in_a_list_is_refused_with_the_remedy() -> None:
