@@ -1,6 +1,7 @@
 """Exceptions of ``bench``."""
 
 from pathlib import Path
+from shlex import quote
 
 from ..problems.errors import ProxbenchError
 
@@ -31,7 +32,7 @@ class InterruptedRunError(InterruptedWorkError):
     def __init__(self, run_dir: Path) -> None:
         measured = any((run_dir / "cases").glob("*.json"))
         kept = "; measurements are kept;" if measured else " before anything was measured;"
-        super().__init__(f"interrupted{kept} resume with: proxbench run --resume {run_dir}")
+        super().__init__(f"interrupted{kept} resume with: proxbench run --resume {quote(str(run_dir))}")
         self.run_dir = run_dir
 
 
@@ -43,5 +44,7 @@ class InterruptedSimulationError(InterruptedWorkError):
     """
 
     def __init__(self, file: Path) -> None:
-        super().__init__(f"interrupted; the steps taken are kept; resume with: proxbench simulate --resume {file}")
+        super().__init__(
+            f"interrupted; the steps taken are kept; resume with: proxbench simulate --resume {quote(str(file))}"
+        )
         self.file = file

@@ -10,8 +10,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from ..problems.contact.problem import ContactProblem
 from ..problems.contact.solver import Solver
 from ..problems.exchange.families import Sampling
@@ -31,7 +29,7 @@ from .store.bundles.merge import merge as merge_sources
 from .store.bundles.rejudge import OnCase
 from .store.bundles.rejudge import rejudge as rejudge
 from .store.frames import RunFrames, read_frames
-from .store.plans import Limits, RunSettings, limit_in_bytes
+from .store.plans import Limits, RunSettings, changed_limits, limit_in_bytes
 from .store.store import INVALID_NAME, plain_name
 
 
@@ -200,15 +198,8 @@ def run(
         InterruptedRunError: on Ctrl-C; finished points are kept.
     """
     use_plugin_files(_as_tuple(plugins) or ())
-    new_limits = {"solve_seconds": solve_seconds, "case_seconds": case_seconds, "memory_bytes": limit_in_bytes(memory)}
-    changed_limits = {name: value for name, value in new_limits.items() if value is not None}
-    settings = RunSettings.checked(
-        _as_tuple(tolerances),
-        msgspec.structs.replace(limits or Limits(), **changed_limits),
-        passes=passes,
-        seed=seed,
-        thorough=thorough,
-    )
+    limits = changed_limits(limits, solve_seconds, case_seconds, limit_in_bytes(memory))
+    settings = RunSettings.checked(_as_tuple(tolerances), limits, passes=passes, seed=seed, thorough=thorough)
     plan = make_plan(
         _as_tuple(problems), _as_tuple(solvers), settings, suite=suite, sample=sample, sampling=sampling, shard=shard
     )

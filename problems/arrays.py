@@ -1,6 +1,8 @@
 """Array types, read-only copies, and sparse matrices as labelled arrays."""
 
+import sys
 from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -11,13 +13,20 @@ from .errors import ProblemError
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+MAX_DOUBLE = sys.float_info.max
+"""Largest finite number of double precision."""
+
+MAX_ROWS = 2**31
+"""Exclusive bound of the number of rows, which 32-bit indices of matrices can number."""
+
 
 def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
     """Return ``values``, called ``name`` in error messages, as an array of any real type.
 
     Raises:
-        ProblemError: if ``values`` are complex numbers, strings or other objects.
+        ProblemError: if ``values`` are complex numbers, strings or other objects, or an entry is masked.
     """
+    check_no_mask(values, name)
     try:
         array = np.asarray(values)
     except (TypeError, ValueError):
@@ -25,6 +34,47 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
     if array.dtype.kind not in "fiub":
         raise ProblemError(f"{name} must be an array of real numbers, got an array of {array.dtype}.")
     return array
+
+
+def real_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
+    """Return ``values``, called ``name``, as a vector of doubles with one entry for each of ``length`` rows.
+
+    Raises:
+        ProblemError: if ``values`` are not real numbers, or have another shape.
+    """
+    vector = np.asarray(real_numbers(values, name), dtype=np.float64)
+    if vector.shape != (length,):
+        raise ProblemError(f"{name} must have shape ({length},), one entry per row; got {vector.shape}.")
+    return vector
+
+
+def finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
+    """Return ``real_vector`` of finite numbers; raise ``ProblemError`` that names the first other one."""
+    vector = real_vector(values, name, length)
+    bad = np.flatnonzero(~np.isfinite(vector))
+    if len(bad):
+        raise ProblemError(f"{name}[{bad[0]}] = {vector[bad[0]]} must be finite.")
+    return vector
+
+
+def check_number(name: str, value: object, lowest: float = -MAX_DOUBLE) -> None:
+    """Raise ``ProblemError`` unless ``value``, called ``name``, is a real number, finite and at least ``lowest``."""
+    if not isinstance(value, int | float | np.integer | np.floating) or not lowest <= value <= MAX_DOUBLE:
+        requirement = "finite and not negative" if lowest == 0.0 else "finite"
+        raise ProblemError(f"{name} must be {requirement}, got {value!r:.60}.")
+
+
+def check_count(name: str, value: object) -> None:
+    """Raise ``ProblemError`` unless ``value``, called ``name``, is a number of rows or contacts."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 0 <= value < MAX_ROWS:
+        raise ProblemError(f"{name} must be a whole number from 0 to {MAX_ROWS - 1}, got {value!r:.60}.")
+
+
+def check_no_mask(values: object, name: str) -> None:
+    """Raise ``ProblemError`` if an entry of ``values``, called ``name``, is masked: its number would be used anyway."""
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        entry = ", ".join(map(str, np.argwhere(np.ma.getmaskarray(values))[0]))
+        raise ProblemError(f"{name}[{entry}] is masked; fill it with a number, as by values.filled(0.0), or omit it.")
 
 
 def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:
@@ -57,6 +107,27 @@ def read_only(*arrays: NDArray[Any]) -> None:
     """Make arrays read-only."""
     for array in arrays:
         array.setflags(write=False)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadOnlyRecord:
+    """Base class of records whose arrays are read-only, in copies and pickles too; these hold the fields alone."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {item.name: getattr(self, item.name) for item in fields(self)}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        for name, value in state.items():
+            read_only(*_arrays_in(value))  # a pickle does not store the flag
+            object.__setattr__(self, name, value)
+
+
+def _arrays_in(value: Any) -> list[NDArray[Any]]:
+    """Return an array, the arrays of a CSR or CSC matrix, or those of a tuple; nothing for other values."""
+    if isinstance(value, tuple):
+        return [array for part in value for array in _arrays_in(part)]
+    parts = (value, *(getattr(value, part, None) for part in ("data", "indices", "indptr")))
+    return [part for part in parts if isinstance(part, np.ndarray)]
 
 
 def compressed_arrays(label: str, matrix: Any) -> dict[str, NDArray[Any]]:

@@ -32,7 +32,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import FloatArray, IntArray, compressed_arrays, compressed_matrix, frozen, read_only
+from .arrays import FloatArray, IntArray, ReadOnlyRecord, compressed_arrays, compressed_matrix, frozen, read_only
 from .errors import ProblemError
 
 _VECTORS = ("regularisation", "offset", "kind", "first_row", "coefficient", "bound")
@@ -51,7 +51,7 @@ class EngineSet(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class EngineModel:
+class EngineModel(ReadOnlyRecord):
     """The model of one step of an engine.
 
     Attributes:

@@ -1,5 +1,6 @@
 """Errors that users can cause, and the suggestions in their messages."""
 
+import re
 import sysconfig
 import traceback
 from collections.abc import Iterable
@@ -13,6 +14,18 @@ class ProxbenchError(Exception):
     The message names options as in Python, between backticks: ```run_id```, ```force=True```. The command line replaces
     them with ``--run-id`` and ``--force``.
     """
+
+    def __str__(self) -> str:
+        return re.sub(r"\s*\n\s*", " ", super().__str__())  # a rejected array, for example, has several lines
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # the default calls the class with the message alone, but subclasses build it from other arguments
+        return _rebuilt, (type(self), self.args), vars(self)
+
+
+def _rebuilt(kind: type[ProxbenchError], arguments: tuple[object, ...]) -> ProxbenchError:
+    """Return an error without calling its class; ``MemoryError``, a base of one kind, has another ``__new__``."""
+    return Exception.__new__(kind, *arguments)
 
 
 class ProblemError(ProxbenchError, ValueError):

@@ -47,8 +47,8 @@ def read_name(text: str, kind: str, example: str, error: type[ProxbenchError]) -
         ProxbenchError: of class ``error``, if the text is not a name.
     """
     try:
-        return _parse(ast.parse(text.strip(), mode="eval").body)
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return _parse(ast.parse(str.strip(text), mode="eval").body)
+    except (TypeError, SyntaxError, ValueError, RecursionError, MemoryError):
         raise error(
             f"cannot read {text!r:.200} as a {kind}; write a name, or a name with options: {example}."
         ) from None

@@ -279,6 +279,9 @@ def parse(text: str) -> Name:
     Raises:
         SolverError: if the text is neither a name nor a name with keyword options.
     """
+    given: object = text
+    if not isinstance(given, str):
+        raise SolverError(f"a solver has a name, such as 'SORprox', not a value of type {type(text).__name__}.")
     named = _PATH.sub(lambda match: f"{match[1]}(path={match[2] or match[3] or match[4] or ''!r}", text)
     return read_name(named, "solver", "SORprox(relaxation=1.5)", SolverError)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterator
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -181,7 +182,7 @@ def _report_damage(run: "Run") -> None:
         names = [sentence.partition(" ")[0] for sentence in run.damaged]
         raise BenchError(
             f"no case of {run.folder} can be used (damaged or not planned: {first_names(names, MAX_NAMES)}); "
-            f"measure them again with: proxbench run --resume {run.folder}"
+            f"measure them again with: proxbench run --resume {quote(str(run.folder))}"
         )
     options.print_notes(*run.damaged)
 

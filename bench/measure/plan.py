@@ -113,7 +113,7 @@ def make_plan(
     """
     settings = settings or RunSettings()
     selection = select(problems, suite, sample, settings.seed, sampling)
-    if shard:
+    if not isinstance(shard, str) or shard:
         selection, shard = select_shard(selection, shard)
     is_sequence_suite = selection.suite == SEQUENCES_SUITE
     if solvers is not None and not solvers:
@@ -131,6 +131,9 @@ def make_plan(
         passes=settings.passes,
         seed=settings.seed,
         suite=selection.suite,
+        requested=[problem_name(source) for source in problems or [suite]],
+        sample=None if sample is None else int(sample),
+        sampling=sampling,
         families=dict(selection.families),
         left_out=list(selection.left_out),
         shard=shard,

@@ -13,7 +13,7 @@ from pathlib import Path
 from ...problems.contact.problem import ContactProblem
 from ...problems.errors import ProblemError, ProxbenchError
 from ...problems.exchange.catalog import SUITES, is_path, load, plugin_problems, problem_names, suite_members
-from ...problems.exchange.families import Sampling, family_of, sampled
+from ...problems.exchange.families import Sampling, check_sampling, family_of, sampled
 from ...problems.exchange.folder import Member, list_folder
 from ..errors import BenchError
 from ..plugins.problems import check_known, check_numbers, resolve_problem
@@ -66,6 +66,7 @@ def select(
     """
     if problems is not None and not problems:
         raise BenchError("no problem is given; name at least one, or omit the problems to measure a suite.")
+    check_sampling(sample, sampling)
     sources, suite_name = (tuple(problems), "") if problems else _members(suite)
     candidates, left_out, folders = _candidates(sources)
     loaded: dict[str, str | ContactProblem] = {}
@@ -108,16 +109,16 @@ def parse_shard(shard: str) -> tuple[int, int]:
     Raises:
         BenchError: if ``shard`` is invalid.
     """
-    match = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", shard)
+    match = re.fullmatch(r"([0-9]{1,5})/([0-9]{1,5})", shard) if isinstance(shard, str) else None
     number, count = map(int, match.groups()) if match else (0, 0)
     if not 1 <= number <= count:
-        raise BenchError(f"`shard` must be i/n with 1 ≤ i ≤ n, such as 2/8, got {shard!r}.")
+        raise BenchError(f"`shard` must be i/n with 1 ≤ i ≤ n, such as 2/8, got {shard!r:.60}.")
     return number, count
 
 
-def problem_name(problem: str | ContactProblem) -> str:
-    """Return the name of a problem."""
-    return problem if isinstance(problem, str) else problem.name
+def problem_name(problem: ProblemSource) -> str:
+    """Return the name of a problem, or its file as given."""
+    return problem.name if isinstance(problem, ContactProblem) else str(problem)
 
 
 @dataclass(frozen=True)
@@ -189,6 +190,9 @@ def _members(suite: str | Path) -> tuple[tuple[ProblemSource, ...], str]:
     Raises:
         ProblemError: if there is no such suite or folder.
     """
+    given: object = suite
+    if not isinstance(given, str | Path):
+        raise ProblemError(f"`suite` must be the name of a suite, or a folder, not {type(given).__name__}.")
     if isinstance(suite, str) and (suite in SUITES or not (os.path.isdir(suite) or "/" in suite)):
         return tuple(suite_members(suite)), suite
     if not os.path.isdir(suite):

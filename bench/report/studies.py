@@ -57,7 +57,7 @@ def headline(plan: PlanRecord, problem: str) -> str:
 
 
 def motion_warning(trajectory: TrajectoryRecord) -> str:
-    """Return a warning if the reference ends where it starts, so that errors have no scale; otherwise an empty text."""
+    """Return a warning if the reference rests, so that errors have no scale; otherwise an empty text."""
     if trajectory.displacement is None or trajectory.displacement > MIN_MOTION * trajectory.scale:
         return ""
     return (

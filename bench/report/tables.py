@@ -4,6 +4,7 @@ import io
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from shlex import quote
 
 import pandas as pd
 from rich.console import Console
@@ -258,7 +259,9 @@ def _print_problems(frames: RunFrames, results: pd.DataFrame, console: Console) 
     n_with_notes = int((results["notes"] != "").sum())
     if n_with_notes:
         console.print(Text(f"{counted(n_with_notes, 'case')} with notes: see tables/results", style="dim"))
-    console.print(Text(f"for a single problem: proxbench report {frames.folder} --problem NAME", style="dim"))
+    console.print(
+        Text(f"for a single problem: proxbench report {quote(str(frames.folder))} --problem NAME", style="dim")
+    )
     console.print()
 
 

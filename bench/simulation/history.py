@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from shlex import quote
 
 from msgspec import structs
 
@@ -97,5 +98,5 @@ class Failure(Record, frozen=True, kw_only=True):
         remedy, options = "resume with another solver", "--solver …"
         if NOT_FINITE in self.reason:
             remedy, options = "resume with a shorter step or another solver", "--stepper … --solver …"
-        remedy = f"{remedy}: proxbench simulate --resume {file} {options}"
+        remedy = f"{remedy}: proxbench simulate --resume {quote(str(file))} {options}"
         return FailedSimulationError(f"{self.description}; the earlier steps are kept; {remedy}")

@@ -23,6 +23,7 @@ from ..plugins.descriptions import require_free_name
 from ..plugins.remote_scene import local_or_remote_scene
 from ..plugins.remote_solver import local_or_remote_solver
 from ..store.fields import Count, Positive, Record, Tolerance
+from ..store.plans import require_number
 from .kept_states import DEFAULT_STATES
 from .starts import DEFAULT_START, WARM, StepSolver, check_start, default_start
 
@@ -246,6 +247,8 @@ def _check_seconds(seconds: float) -> None:
 
 def _check_numbers(plan: SimulationPlan) -> None:
     """Raise ``BenchError`` if a number of a plan is out of range, or its start does not suit solver and stepper."""
+    for name in ("duration", "tolerance", "max_iterations", "states"):
+        require_number(name, getattr(plan, name))
     if not 0.0 < plan.duration < math.inf:
         raise BenchError(f"`duration` must be positive and finite, got {plan.duration:g}; omit it for the default.")
     if not 0.0 < plan.tolerance < 1.0:

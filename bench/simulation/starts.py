@@ -35,8 +35,8 @@ def check_start(name: str) -> None:
     Raises:
         BenchError: if the name is unknown, with the nearest name.
     """
-    if name not in STARTS:
-        raise BenchError(f"there is no start {name!r}{suggestion(name, STARTS)}")
+    if not isinstance(name, str) or name not in STARTS:
+        raise BenchError(f"there is no start {name!r:.60}{suggestion(str(name), STARTS)}")
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from itertools import product
+from shlex import quote
 
 import numpy as np
 
@@ -126,7 +127,7 @@ def require_comparable(frames: RunFrames) -> None:
 
 def _resume_command(frames: RunFrames) -> str:
     """Return the command that resumes a run."""
-    return f"proxbench run --resume {frames.folder}"
+    return f"proxbench run --resume {quote(str(frames.folder))}"
 
 
 def unfinished(frames: RunFrames) -> list[str]:

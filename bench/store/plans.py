@@ -1,13 +1,13 @@
 """The settings and the plan of a run, set on the command line or in Python, and stored with the run."""
 
 from collections.abc import Iterable
-from numbers import Real
+from numbers import Integral, Real
 from typing import Annotated, Literal, Self
 
 import msgspec
 from msgspec import Meta, Struct
 
-from ...problems.exchange.families import family_of
+from ...problems.exchange.families import Sampling, family_of
 from ..errors import BenchError
 from .fields import MAX_NUMBER, Count, Number, Positive, Record, Tolerance
 
@@ -47,15 +47,38 @@ class Limits(Struct, frozen=True):
 
     def __post_init__(self) -> None:
         for name, value in msgspec.structs.asdict(self).items():
-            _require_number(name, value)
+            require_number(name, value)
             if not 0 < value < MAX_NUMBER:
                 raise BenchError(f"`{name}` must be positive and finite, got {value:g}; omit it for the default.")
 
 
-def _require_number(name: str, value: object) -> None:
-    """Raise ``BenchError`` if a setting is not a real number."""
+def changed_limits(
+    limits: Limits | None, solve_seconds: float | None, case_seconds: float | None, memory_bytes: int | None
+) -> Limits:
+    """Return ``limits``, or the default ones, with those other arguments that are not None.
+
+    Raises:
+        BenchError: if ``limits`` are no limits, or a change is not a positive, finite number.
+    """
+    given: object = limits
+    if given is not None and not isinstance(given, Limits):
+        raise BenchError(f"`limits` must be Limits, such as Limits(solve_seconds=1.0), got {given!r:.60}.")
+    changes: dict[str, float] = {} if memory_bytes is None else {"memory_bytes": memory_bytes}
+    for name, seconds in (("solve_seconds", solve_seconds), ("case_seconds", case_seconds)):
+        if seconds is not None:
+            require_number(name, seconds)
+            changes[name] = float(seconds)  # a file has no other real numbers
+    return msgspec.structs.replace(limits or Limits(), **changes)
+
+
+def require_number(name: str, value: object, is_whole: bool = False) -> None:
+    """Raise ``BenchError`` if a setting is not a real number that a double represents, or not whole as required."""
+    if isinstance(value, int) and abs(value) > MAX_NUMBER:
+        raise BenchError(f"`{name}` must be less than {MAX_NUMBER:g}, got a number of {len(str(value))} digits.")
     if not isinstance(value, Real):
         raise BenchError(f"`{name}` must be a number, got {value!r:.60}.")
+    if is_whole and not isinstance(value, Integral):
+        raise BenchError(f"`{name}` must be a whole number, got {value!r:.60}.")
 
 
 def limit_in_bytes(memory: float | None) -> int | None:
@@ -66,7 +89,7 @@ def limit_in_bytes(memory: float | None) -> int | None:
     """
     if memory is None:
         return None
-    _require_number("memory", memory)
+    require_number("memory", memory)
     if not 1 <= memory < MAX_MEBIBYTES:
         raise BenchError(f"`memory` must be at least 1 MiB and finite, got {memory:g} MiB; omit it for the default.")
     return round(memory * 2**20)
@@ -107,8 +130,8 @@ class RunSettings(Record, frozen=True, kw_only=True):
         passes = default_passes if passes is None else passes
         for name, values in (("tolerances", given_ladder), ("passes", (passes,)), ("seed", (seed,))):
             for value in values:
-                _require_number(name, value)
-        ladder = sorted(set(given_ladder), reverse=True)
+                require_number(name, value, is_whole=name != "tolerances")
+        ladder = sorted(set(map(float, given_ladder)), reverse=True)
         for tolerance in ladder:
             if not 0.0 < tolerance < 1.0:
                 raise BenchError(f"`tolerances` must be between 0 and 1, got {tolerance:g}; choose one such as 1e-4.")
@@ -116,7 +139,7 @@ class RunSettings(Record, frozen=True, kw_only=True):
             raise BenchError(f"`passes` must be between 1 and {MAX_PASSES}, got {passes}.")
         if not 0 <= seed < 2**63:
             raise BenchError(f"`seed` must be at least 0 and less than 2**63, got {seed}.")
-        return cls(tolerances=ladder, limits=limits or Limits(), passes=passes, seed=seed)
+        return cls(tolerances=ladder, limits=limits or Limits(), passes=int(passes), seed=int(seed))
 
 
 class MethodRecord(Record, frozen=True, kw_only=True):
@@ -156,8 +179,8 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
         reference: method that simulates the reference, with one value; None if the end of the motion is known.
         known: the simulated part of the reference, or the known end.
         scale: scale by which differences from the known end are divided.
-        displacement: largest displacement of a coordinate from the start to the known end [m], stored as "way"; None if
-            unknown.
+        displacement: largest displacement of a coordinate from the start at any time of the reference [m], stored as
+            "way"; None if unknown.
 
     Raises:
         ValueError: if members of the reference have values of different names.
@@ -186,6 +209,9 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
         methods: the steppers with solvers; empty in a run over contact problems.
         trajectories: the problems of a run over trajectories.
         suite: name of the suite; empty if the problems were named.
+        requested: the suite, or problems, files and folders, as given; empty in a run that is merged from several.
+        sample: number of drawn problems; None if all were taken.
+        sampling: how the sample was divided among families.
         families: family of each problem, by name.
         left_out: a sentence for each file of a folder that cannot be measured.
         shard: part of a divided run, such as "2/8"; empty for a whole run.
@@ -199,6 +225,9 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
     methods: list[MethodRecord] = []
     trajectories: list[TrajectoryRecord] = []
     suite: str = ""
+    requested: list[str] = []
+    sample: Count | None = None
+    sampling: Sampling = "proportional"
     families: dict[str, str] = {}
     left_out: list[str] = []
     shard: Annotated[str, Meta(pattern="^([1-9][0-9]{0,4}/[1-9][0-9]{0,4})?$")] = ""

@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import accumulate
 from pathlib import Path
+from shlex import quote
 
 from ...problems.contact.problem import ContactProblem
 from ...problems.exchange.files.atomic_file import PART, replacing
@@ -217,7 +218,7 @@ def _missing_run_text(path: Path) -> str:
     """Return why a path is not a stored run, and the remedy."""
     fault, remedy = f"it has no {RUN_FILE}", "name the folder of a run"
     if is_bundle(path):
-        fault, remedy = "it is a bundle", f"unpack it with: proxbench merge {path}"
+        fault, remedy = "it is a bundle", f"unpack it with: proxbench merge {quote(str(path))}"
     elif not path.exists():
         fault = "it does not exist"
     elif runs := sorted(file.parent for file in path.glob(f"*/{RUN_FILE}")):

@@ -1,16 +1,17 @@
 """Known solutions of problems: impulses where they are unique, otherwise velocities and sums."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, ReadOnlyRecord, frozen
 from ..errors import ProblemError
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class Answer(ReadOnlyRecord):
     """The known part of a solution; fields without a value are not unique or not known.
 
     Attributes:
@@ -21,6 +22,9 @@ class Answer:
         solvable: False if the problem has no solution and must be reported as infeasible.
         witness: one solution Λ [N s], shape (n_rows,), which proves that the problem is solvable.
         sensitivity: largest ratio of ``error``, the relative error of velocities and impulses, to the judge's residual.
+
+    Raises:
+        ProblemError: if ``impulses`` is not a list of vectors, or a number is not finite or not real.
     """
 
     impulses: tuple[FloatArray, ...] = ()
@@ -30,6 +34,23 @@ class Answer:
     solvable: bool = True
     witness: FloatArray | None = None
     sensitivity: float = 100.0
+
+    def __post_init__(self) -> None:
+        impulses: object = self.impulses
+        is_list = isinstance(impulses, Sequence | np.ndarray)
+        vectors = enumerate(self.impulses if is_list else ())
+        known = tuple(_known(vector, f"impulses[{index}]") for index, vector in vectors)
+        if not is_list or any(vector.ndim != 1 for vector in known):
+            raise ProblemError(
+                "answer.impulses must be a list of vectors, one for each solution; for one solution, pass [impulses]."
+            )
+        object.__setattr__(self, "impulses", known)
+        for name in ("velocity", "functionals", "values", "witness"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _known(getattr(self, name), name))
+        sensitivity: object = self.sensitivity
+        if not isinstance(sensitivity, int | float | np.number) or not 0.0 < sensitivity < np.inf:
+            raise ProblemError(f"answer.sensitivity must be a positive, finite number, got {sensitivity!r:.60}.")
 
     def check(self, n_rows: int) -> None:
         """Raise ``ProblemError`` unless every array fits a problem of ``n_rows`` rows."""
@@ -74,6 +95,14 @@ class Answer:
         if deviation is not None and scale > 0.0:
             errors.append(deviation / scale)
         return max(errors, default=None)
+
+
+def _known(values: ArrayLike, name: str) -> FloatArray:
+    """Return a read-only copy of a part of an answer; raise ``ProblemError`` if a number is not finite."""
+    array: FloatArray = frozen(values, np.float64, f"answer.{name}")
+    if not np.isfinite(array).all():
+        raise ProblemError(f"answer.{name} has a number that is not finite; omit what is not known.")
+    return array
 
 
 def ratio(value: float, scale: float) -> float:

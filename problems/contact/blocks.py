@@ -13,13 +13,13 @@ import numpy as np
 from numba import njit, uint64
 from numpy.typing import NDArray
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import FloatArray, IntArray, ReadOnlyRecord, read_only
 from ..compilation.interpretation import interpretable
 from .laws import BALL, HALF_LINE, LINE, Laws
 
 
 @dataclass(frozen=True, eq=False)
-class BlockLayout:
+class BlockLayout(ReadOnlyRecord):
     """The place of each row of a problem in the padded blocks, and the friction bound of each block.
 
     The bound of the tangential lanes is fixed_bound + friction_coefficient · max(Λ_N, 0) with Λ_N of block ``partner``.

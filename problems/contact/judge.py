@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray, real_numbers
+from ..arrays import FloatArray, real_vector
 from ..compilation.interpretation import interprets_kernels
 from ..engine_model import own_residual
 from ..errors import ProblemError
@@ -145,9 +145,7 @@ def judge(problem: ContactProblem, impulses: ArrayLike, model: Model = Model.COU
         raise ProblemError(f"judge takes a ContactProblem, not {kind}; read one with load(name) or load(path).")
     if hasattr(impulses, "impulses"):
         raise ProblemError("judge takes the impulses of a solution, not the solution; pass solution.impulses.")
-    impulses = np.asarray(real_numbers(impulses, "impulses"), dtype=np.float64)
-    if impulses.shape != (problem.n_rows,):
-        raise ProblemError(f"impulses must have shape ({problem.n_rows},), one entry per row; got {impulses.shape}.")
+    impulses = real_vector(impulses, "impulses", problem.n_rows)
     if not isinstance(arguments[1], Model):
         raise ProblemError(f"model must be a Model, such as Model.COULOMB, not {model!r:.60}.")
     if model == Model.ENGINE and problem.engine is not None:
@@ -286,7 +284,8 @@ def _natural_map(problem: ContactProblem, impulses: FloatArray, velocity: FloatA
     if layout.rolling:
         lift += layout.rolling_coefficient * np.sqrt(_squares(rolling))
     velocities[:, 0] += lift
-    difference = lanes - onto_contact_cones(layout, lanes - velocities, friction, fixed_bound, np.ones(layout.n_blocks))
+    cones = friction, (fixed_bound, layout.rolling_bound), np.ones(layout.n_blocks)
+    difference = lanes - onto_contact_cones(layout, lanes - velocities, *cones)
     frictionless = (layout.friction_law < 0) & (layout.rolling_law < 0) & ~layout.is_bilateral
     difference[frictionless, 0] = np.minimum(lanes[frictionless, 0], velocities[frictionless, 0])
     difference[layout.is_bilateral] = velocities[layout.is_bilateral]

@@ -28,7 +28,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import FloatArray, IntArray, frozen, read_only
+from ..arrays import FloatArray, IntArray, ReadOnlyRecord, check_count, frozen, read_only
 from ..errors import ProblemError
 from ..representation import html_table
 
@@ -90,7 +90,7 @@ _FIELDS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Laws:
+class Laws(ReadOnlyRecord):
     """The force laws of a problem, one entry for each law, in the order of their rows.
 
     Attributes:
@@ -289,10 +289,9 @@ class Laws:
         Raises:
             ProblemError: if ``dim``, μ or ``n_contacts`` is not valid.
         """
-        if dim not in (1, 2, 3) or not isinstance(dim, int | np.integer):
+        if not isinstance(dim, int | np.integer) or dim not in (1, 2, 3):
             raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
-        if not isinstance(n_contacts, int | np.integer) or n_contacts < 0:
-            raise ProblemError(f"n_contacts must be a whole number of at least 0, got {n_contacts!r}.")
+        check_count("n_contacts", n_contacts)
         mu = frozen(friction, np.float64, "friction")
         if mu.ndim == 0 and 0.0 <= mu < np.inf:
             make = _few_equal_laws if n_contacts <= MAX_CACHED_CONTACTS else _equal_laws
@@ -312,12 +311,15 @@ class Laws:
     @staticmethod
     def joints(n_rows: int) -> "Laws":
         """Return ``n_rows`` bilateral laws, one for each row of the joints."""
+        check_count("n_rows", n_rows)
         zeros = np.zeros(n_rows)
         return Laws.in_order(np.full(n_rows, LawKind.BILATERAL), zeros, zeros, np.full(n_rows, -1))
 
     @staticmethod
     def concatenate(parts: Sequence["Laws"]) -> "Laws":
-        """Return the laws of all parts, concatenated."""
+        """Return the laws of all parts, concatenated; raise ``ProblemError`` if there is no part."""
+        if not isinstance(parts, Sequence) or not parts or not all(isinstance(part, Laws) for part in parts):
+            raise ProblemError(f"Laws.concatenate takes a list of at least one Laws, got {parts!r:.60}.")
         first = np.cumsum([0, *(part.n_laws for part in parts)])
         partners = [
             np.where(part.partner >= 0, part.partner + offset, -1) for part, offset in zip(parts, first, strict=False)
@@ -340,7 +342,7 @@ class Laws:
             ProblemError: if ``n_rows`` is not 1, 2 or 3, the laws already have rolling friction, or ``friction`` has
                 another shape.
         """
-        if n_rows not in (1, 2, 3):
+        if not isinstance(n_rows, int | np.integer) or n_rows not in (1, 2, 3):
             raise ProblemError(f"rolling friction has 1, 2 or 3 rows, got {n_rows!r}.")
         if self.is_rolling.any():
             raise ProblemError("the laws already have rolling friction; add it to laws without it.")

@@ -13,14 +13,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from types import MappingProxyType
+from types import MappingProxyType, UnionType
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray, frozen, read_only, real_numbers
+from ..arrays import FloatArray, ReadOnlyRecord, finite_vector, frozen, read_only, real_numbers, real_vector
 from ..engine_model import EngineModel
 from ..errors import ProblemError
 from ..representation import counted, html_table
@@ -32,7 +32,7 @@ from .matrices.delassus import DelassusBlocks, blocks_from_matrix, blocks_from_p
 from .matrices.factors import Factors
 from .matrices.pieces import Pieces
 from .matrices.symmetric import checked_delassus
-from .matrices.user_matrices import sparse_arrays
+from .matrices.user_matrices import read_only_copy, sparse_arrays
 
 FREE_FALL = "free_fall"
 """The key of the provenance for the velocity that free bodies gain in the problem's time step [m/s]."""
@@ -42,7 +42,7 @@ UNNAMED = "unnamed"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ContactProblem:
+class ContactProblem(ReadOnlyRecord):
     """One frictional contact problem; create it with ``from_delassus`` or ``from_factors``.
 
     Attributes:
@@ -77,22 +77,35 @@ class ContactProblem:
         _require_type("laws", self.laws, Laws, "Laws, as from Laws.contacts(mu, dim, n_contacts)")
         _require_type("name", self.name, str, "a string")
         _require_type("provenance", self.provenance, Mapping, "a dictionary")
-        object.__setattr__(self, "free_velocity", _finite_vector(self.free_velocity, "c", self.laws.n_rows))
+        _require_type("allow_asymmetric", self.allow_asymmetric, bool | np.bool_, "True or False")
+        object.__setattr__(
+            self, "free_velocity", frozen(finite_vector(self.free_velocity, "c", self.laws.n_rows), float)
+        )
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         if (self.matrix is None) == (self.factors is None):
             raise ProblemError("a contact problem needs either G or the factors W and M⁻¹, and not both.")
         if self.matrix is not None:
             object.__setattr__(self, "matrix", checked_delassus(self.matrix, self.n_rows, self.allow_asymmetric))
+        if self.factors is not None:
+            _require_type("factors", self.factors, Factors, "Factors, as from Factors.create(W, inverse_mass)")
         if self.factors is not None and self.factors.n_rows != self.laws.n_rows:
             raise ProblemError(f"W has {self.factors.n_rows} columns but the laws have {self.laws.n_rows} rows.")
         if self.answer is not None:
             _require_type("answer", self.answer, Answer, "an Answer, as Answer(impulses=...)")
             self.answer.check(self.laws.n_rows)
-        if self.keys != ():
+        if not isinstance(self.keys, tuple) or self.keys:
             _check_keys(self.keys, self.n_contacts)
             object.__setattr__(self, "keys", tuple(self.keys))
+        if self.engine is not None:
+            _require_type("engine", self.engine, EngineModel, "an EngineModel, as from from_mujoco(...).problem.engine")
         if self.engine is not None and self.engine.n_rows != self.laws.n_rows:
             raise ProblemError(f"the engine's model has {self.engine.n_rows} impulses for {self.laws.n_rows} rows.")
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "provenance": dict(self.provenance)}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        super().__setstate__({**state, "provenance": MappingProxyType(state["provenance"])})
 
     def __repr__(self) -> str:
         joints, rows = self.laws.n_joint_rows, counted(self.n_rows, "row")
@@ -233,8 +246,8 @@ class ContactProblem:
         return self.layout.rows_of(self.factor_pieces().square_sums().reshape(-1)) if diagonal is None else diagonal
 
     def relative_velocity(self, impulses: ArrayLike) -> FloatArray:
-        """Return ξ = G Λ + c [m/s], shape (n_rows,)."""
-        impulses = np.asarray(impulses, dtype=np.float64)
+        """Return ξ = G Λ + c [m/s], shape (n_rows,); raise ``ProblemError`` if Λ has another shape."""
+        impulses = real_vector(impulses, "impulses", self.n_rows)
         if self.factors is not None:
             return self.factors.delassus_times(impulses) + self.free_velocity
         assert self.matrix is not None
@@ -247,8 +260,11 @@ class ContactProblem:
         Returns:
             ξ [m/s], rounded to double precision, and a bound on the remaining error [m/s], both of shape (n_rows,); see
             ``matrices.accurate``.
+
+        Raises:
+            ProblemError: if Λ has another shape.
         """
-        impulses = np.asarray(impulses, dtype=np.float64)
+        impulses = real_vector(impulses, "impulses", self.n_rows)
         if self.factors is not None:
             factors = self.factors.force_directions, self.factors.inverse_mass.matrix
             return accurate_over_factors(*factors, self.free_velocity, impulses)
@@ -291,7 +307,7 @@ class ContactProblem:
         Raises:
             ProblemError: if c has the wrong shape or a value that is not finite.
         """
-        c = _finite_vector(free_velocity, "c", self.n_rows)
+        c = finite_vector(free_velocity, "c", self.n_rows)
         engine = None if self.engine is None else self.engine.shifted(c - self.free_velocity)
         return replace(self, free_velocity=c, answer=None, engine=engine)
 
@@ -323,7 +339,7 @@ class ContactProblem:
         return self._described(
             free_velocity=frozen(self.free_velocity, np.float64),
             laws=self.laws.fresh(),
-            matrix=None if self.matrix is None else _copied(self.matrix),
+            matrix=None if self.matrix is None else read_only_copy(self.matrix),
             factors=None if self.factors is None else self.factors.fresh(),
             engine=None if self.engine is None else self.engine.fresh(),
         )
@@ -340,27 +356,11 @@ class ContactProblem:
         return other
 
 
-def _copied(matrix: sp.csr_array[Any]) -> sp.csr_array[Any]:
-    copy = matrix.copy()
-    read_only(copy.data, copy.indices, copy.indptr)
-    return copy
-
-
 def _as_vector(values: ArrayLike, name: str) -> FloatArray:
     vector = np.asarray(real_numbers(values, name), dtype=np.float64)
     if vector.ndim != 1:
         raise ProblemError(f"{name} must be a vector, got shape {vector.shape}.")
     return vector
-
-
-def _finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
-    vector = _as_vector(values, name)
-    if vector.shape != (length,):
-        raise ProblemError(f"{name} must have shape ({length},), one entry per row; got {vector.shape}.")
-    bad = np.flatnonzero(~np.isfinite(vector))
-    if len(bad):
-        raise ProblemError(f"{name}[{bad[0]}] = {vector[bad[0]]} must be finite.")
-    return frozen(vector, np.float64)
 
 
 def _check_keys(keys: Sequence[str], n_contacts: int) -> None:
@@ -384,15 +384,16 @@ def _laws_of(free_velocity: FloatArray, friction: ArrayLike | None, dim: int | N
     return laws
 
 
-def _require_type(name: str, value: object, kind: type, expected: str) -> None:
+def _require_type(name: str, value: object, kind: type | UnionType, expected: str) -> None:
     if not isinstance(value, kind):
         raise ProblemError(f"{name} must be {expected}; got a value of type {type(value).__name__}.")
 
 
 def _contact_laws(free_velocity: FloatArray, friction: ArrayLike, dim: int) -> Laws:
-    if dim in (1, 2, 3) and len(free_velocity) % dim:
+    is_dim = isinstance(dim, int | np.integer) and dim in (1, 2, 3)
+    if is_dim and len(free_velocity) % dim:
         raise ProblemError(
             f"c has {len(free_velocity)} rows, which is not a multiple of dim = {dim}; give {dim} rows per contact, or "
             "another dim."
         )
-    return Laws.contacts(friction, dim, int(len(free_velocity) // dim) if dim in (1, 2, 3) else 0)
+    return Laws.contacts(friction, dim, int(len(free_velocity) // dim) if is_dim else 0)

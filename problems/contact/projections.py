@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray, real_numbers
+from ..arrays import FloatArray, real_vector
 from ..errors import ProblemError
 from .blocks import BlockLayout
 from .laws import BALL, HALF_LINE, Laws
@@ -31,11 +31,12 @@ def project(laws: Laws, impulses: ArrayLike) -> FloatArray:
         The projected Λ [N s], a new array of shape (n_rows,).
 
     Raises:
-        ProblemError: if ``impulses`` has the wrong shape, or is not made of real numbers.
+        ProblemError: if ``laws`` are not laws, or ``impulses`` has the wrong shape or is not made of real numbers.
     """
-    projected = np.array(real_numbers(impulses, "impulses"), dtype=np.float64)
-    if projected.shape != (laws.n_rows,):
-        raise ProblemError(f"impulses must have shape ({laws.n_rows},), one entry per row; got {projected.shape}.")
+    first: object = laws
+    if not isinstance(first, Laws):
+        raise ProblemError(f"project takes Laws, such as problem.laws, not {type(laws).__name__}.")
+    projected = real_vector(impulses, "impulses", laws.n_rows).copy()
     bounds = laws.friction_coefficient, laws.fixed_bound, laws.partner
     _project(laws.sets, laws.first_row, laws.row_count, *bounds, projected)
     return projected
@@ -117,7 +118,11 @@ def onto_cone(
 
 
 def onto_contact_cones(
-    layout: BlockLayout, lanes: FloatArray, friction: FloatArray, fixed_bound: FloatArray, length: FloatArray
+    layout: BlockLayout,
+    lanes: FloatArray,
+    friction: FloatArray,
+    fixed_bounds: tuple[FloatArray, FloatArray],
+    length: FloatArray,
 ) -> FloatArray:
     """Project the impulses of each block onto its cone; impulses of bilateral blocks do not change.
 
@@ -125,17 +130,18 @@ def onto_contact_cones(
         layout: the blocks.
         lanes: impulses, the rolling ones divided by ``length``, padded to shape (n_blocks, width).
         friction: μ of the block's own Λ_N, shape (n_blocks,).
-        fixed_bound: the constant part of the bound on Λ_T [N s], shape (n_blocks,).
+        fixed_bounds: the constant parts of the bounds on Λ_T [N s] and on Λ_R [N m s], each of shape (n_blocks,).
         length: divisor of the rolling impulses [m], shape (n_blocks,).
 
     Returns:
         The projected impulses, shape (n_blocks, width).
     """
-    parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [fixed_bound]
+    sliding_bound, rolling_bound = fixed_bounds
+    parts, coefficients, bounds = [lanes[:, 1 : 1 + layout.sliding]], [friction], [sliding_bound]
     if layout.rolling:
         parts.append(lanes[:, 1 + layout.sliding :])
         coefficients.append(layout.rolling_coefficient / length)
-        bounds.append(layout.rolling_bound / length)
+        bounds.append(rolling_bound / length)
     normal, projected_parts = onto_cone(lanes[:, 0], parts, coefficients, bounds)
     projected = np.column_stack([normal, *projected_parts])
     if not layout.has_contacts_only:

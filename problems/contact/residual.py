@@ -314,7 +314,10 @@ def _sliding_error_squared(held_squared, bound):  # type: ignore[no-untyped-def]
 def violations(
     problem: ContactProblem, residual: Residual, impulses: FloatArray, velocity: FloatArray, model: Model
 ) -> FloatArray:
-    """Return ℓ_i α_i ‖R_i‖ [m/s] of every law under ``model``, shape (n_laws,)."""
+    """Return ℓ_i α_i ‖R_i‖ [m/s] of every law under ``model``, shape (n_laws,).
+
+    Impulses are multiplied by α before they are squared; velocities are in the units of ``residual.unit``.
+    """
     laws = problem.laws
     if model.kind in ("convex", "engine"):
         return _convex_violations(problem, residual, impulses, velocity)
@@ -322,8 +325,8 @@ def violations(
         return _pyramid_violations(problem, residual, impulses, velocity, model.sides)
     result = residual.of_laws(impulses, velocity, 0.0 if model.kind == "frictionless" else 1.0)
     if model.kind == "frictionless":  # tangential velocity is free, only Λ_T = 0 is required
-        friction = laws.is_friction
-        result[friction] = (residual.lengths * residual.alpha)[friction] * laws.friction_norms(impulses)
+        friction, held = laws.is_friction, np.repeat(residual.alpha, laws.row_count) * impulses
+        result[friction] = residual.lengths[friction] * laws.friction_norms(held)
     return result
 
 
@@ -357,15 +360,15 @@ def _convex_violations(
     velocities[:, 1 + layout.sliding :] *= unit[:, None]
     law_alpha = np.append(residual.alpha * residual.lengths**2, 0.0)  # law −1 selects the last entry
     block_alpha = np.maximum(law_alpha[layout.normal_law], law_alpha[layout.friction_law])
-    step = 1.0 / np.where(block_alpha > 0, block_alpha, np.inf)
-    target = lanes - step[:, None] * velocities
-    projected = onto_contact_cones(layout, target, layout.friction_coefficient, layout.fixed_bound, unit)
-    difference = lanes - projected
-    held = block_alpha * np.sqrt((lanes**2).sum(axis=1))
-    violation = block_alpha * np.sqrt(difference[:, 0] ** 2 + (difference[:, 1:] ** 2).sum(axis=1))
-    violation = np.maximum(violation, PROJECTION_ROUNDINGS * UNIT * held)
+    held, moves = block_alpha[:, None] * lanes, block_alpha > 0
+    target = held - np.where(moves[:, None], velocities, 0.0)
+    bounds = block_alpha * layout.fixed_bound, block_alpha * layout.rolling_bound
+    projected = onto_contact_cones(layout, target, layout.friction_coefficient, bounds, unit)
+    difference = held - projected
+    violation = np.sqrt(difference[:, 0] ** 2 + (difference[:, 1:] ** 2).sum(axis=1))
+    violation = np.maximum(violation, PROJECTION_ROUNDINGS * UNIT * np.sqrt((held**2).sum(axis=1)))
     frictionless = (layout.friction_law < 0) & (layout.rolling_law < 0)
-    violation[frictionless] = np.abs(np.minimum(block_alpha * lanes[:, 0], velocities[:, 0]))[frictionless]
+    violation[frictionless] = np.abs(np.minimum(held[:, 0], velocities[:, 0]))[frictionless]
     violation[layout.is_bilateral] = np.abs(velocities[layout.is_bilateral, 0])
     law_violations = np.zeros(problem.laws.n_laws)
     owner = np.where(layout.normal_law >= 0, layout.normal_law, layout.friction_law)
@@ -387,12 +390,9 @@ def _pyramid_violations(
     violations = residual.of_laws(impulses, velocity)
     spatial = np.flatnonzero(laws.is_friction & ~laws.is_rolling & (laws.row_count == 2) & (alpha > 0))
     rows = laws.first_row[spatial]
-    tangential = np.column_stack([impulses[rows], impulses[rows + 1]])
-    velocities = np.column_stack([velocity[rows], velocity[rows + 1]])
-    target = tangential - velocities / alpha[spatial, None]
-    projected = onto_polygon(target, laws.friction_bounds(impulses)[spatial], sides)
-    possible_error = PROJECTION_ROUNDINGS * UNIT * np.sqrt((tangential**2).sum(axis=1))
-    violations[spatial] = alpha[spatial] * np.maximum(
-        np.sqrt(((tangential - projected) ** 2).sum(axis=1)), possible_error
-    )
+    held = alpha[spatial, None] * np.column_stack([impulses[rows], impulses[rows + 1]])
+    target = held - np.column_stack([velocity[rows], velocity[rows + 1]])
+    projected = onto_polygon(target, alpha[spatial] * laws.friction_bounds(impulses)[spatial], sides)
+    possible_error = PROJECTION_ROUNDINGS * UNIT * np.sqrt((held**2).sum(axis=1))
+    violations[spatial] = np.maximum(np.sqrt(((held - projected) ** 2).sum(axis=1)), possible_error)
     return violations

@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ..arrays import FloatArray, real_numbers
+from ..arrays import FloatArray, real_vector
 from ..errors import ProblemError, ProxbenchError
 from ..representation import counted, html_table
 from .model import Model
@@ -94,6 +94,10 @@ class Stop:
         if limit < self.max_iterations < sys.maxsize:
             raise SolverError(f"`max_iterations` must be a whole number, got {self.max_iterations}.")
         object.__setattr__(self, "max_iterations", limit)
+        for name in ("tolerance", "max_seconds"):
+            value = getattr(self, name)
+            if isinstance(value, int) and value > sys.float_info.max:
+                object.__setattr__(self, name, np.inf)
         if not self.max_seconds > 0:
             raise SolverError(f"`max_seconds` must be positive, got {self.max_seconds:g}; choose one such as 60.")
 
@@ -123,9 +127,7 @@ def start_impulses(start: FloatArray | None, n_rows: int) -> FloatArray:
     """
     if start is None:
         return np.zeros(n_rows)
-    impulses = np.array(real_numbers(start, "start"), dtype=np.float64)
-    if impulses.shape != (n_rows,):
-        raise ProblemError(f"start must have shape ({n_rows},), one entry per row; got {impulses.shape}.")
+    impulses = real_vector(start, "start", n_rows).copy()
     if not np.isfinite(impulses).all():
         row = int(np.flatnonzero(~np.isfinite(impulses))[0])
         raise ProblemError(f"start[{row}] = {impulses[row]} must be finite; omit start to begin from zero.")

@@ -12,6 +12,7 @@ from contextlib import redirect_stdout
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from shlex import quote
 
 from .. import library
 from ..compilation.interpretation import interprets_kernels
@@ -151,8 +152,8 @@ def suite_members(name: str) -> list[str]:
     Raises:
         ProblemError: if the suite is unknown; the message suggests the nearest name.
     """
-    if name not in SUITES:
-        raise ProblemError(f"there is no suite {name!r}{suggestion(name, SUITES)}")
+    if not isinstance(name, str) or name not in SUITES:
+        raise ProblemError(f"there is no suite {name!r:.60}{suggestion(str(name), SUITES)}")
     return list(SUITES[name])
 
 
@@ -225,7 +226,7 @@ def load(name: str | Path) -> ContactProblem:
     if _cached_file(name).is_file():
         return read_problem(_cached_file(name))
     if name in SUITES["all"]:
-        raise ProblemError(f"problem {name!r} has not been generated yet; run: proxbench generate {name}")
+        raise ProblemError(f"problem {name!r} has not been generated yet; run: proxbench generate {quote(name)}")
     if os.path.exists(name) or "/" in name:
         raise ProblemError(_path_error(name))
     raise ProblemError(f"there is no problem {name!r}{suggestion(name, problem_names(), LIST_PROBLEMS_COMMAND)}")

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Literal, get_args
 
+import numpy as np
+
 from ..contact.problem import ContactProblem
 from ..errors import ProblemError, suggestion
 from ..hard import CASE_GROUPS
@@ -31,6 +33,20 @@ def family_of(problem: str | ContactProblem) -> str:
     return _grouped_families().get(problem) or re.split("[-(]", problem, maxsplit=1)[0] or problem
 
 
+def check_sampling(count: object, sampling: object) -> None:
+    """Raise ``ProblemError`` if the size of a sample is neither None nor a positive integer, or its kind is unknown."""
+    if not isinstance(sampling, str) or sampling not in get_args(Sampling):
+        raise ProblemError(f"`sampling` {sampling!r:.60} is unknown{suggestion(str(sampling), get_args(Sampling))}")
+    if count is None:
+        return
+    if not isinstance(count, int | np.integer) or count >= 2**63:
+        raise ProblemError(
+            f"`sample` must be a whole number below 2**63, got {count!r:.60}; omit it to take all problems."
+        )
+    if count < 1:
+        raise ProblemError(f"`sample` must be at least 1, got {count}; omit it to take all problems.")
+
+
 def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampling = "proportional") -> list[str]:
     """Return the names of ``count`` problems in the given order, or all names if there are fewer.
 
@@ -47,10 +63,7 @@ def sampled(families: Mapping[str, str], count: int, seed: int, sampling: Sampli
     Raises:
         ProblemError: if ``count`` is not positive, or ``sampling`` is unknown.
     """
-    if sampling not in get_args(Sampling):
-        raise ProblemError(f"`sampling` {sampling!r} is unknown{suggestion(str(sampling), get_args(Sampling))}")
-    if count < 1:
-        raise ProblemError(f"`sample` must be at least 1, got {count}; omit it to take all problems.")
+    check_sampling(count, sampling)
     members: dict[str, list[str]] = {}
     for name, family in families.items():
         members.setdefault(family, []).append(name)

@@ -105,6 +105,9 @@ def cvxpy() -> Any:
 
 def check_solver(name: str) -> None:
     """Raise ``SolverError`` unless the solver ``name`` of cvxpy is installed and supports quadratic objectives."""
+    given: object = name
+    if not isinstance(given, str):
+        raise SolverError(f"the solver of cvxpy has a name, such as {BUNDLED_CONIC!r}, not {name!r:.60}.")
     if name in (BUNDLED_CONIC, BUNDLED_QUADRATIC):
         return  # avoids importing cvxpy
     known = installed_solvers(cones=False)
@@ -168,7 +171,6 @@ class CvxpyProgram:
     def run(self, velocity: FloatArray, accuracy: float, max_iterations: int, max_seconds: float) -> ConicResult:
         """Solve with another linear term; see ``ConicProgram.run``."""
         cp = cvxpy()
-        self._linear.value = velocity * (self._scaling.impulse / self._scaling.energy)
         names = _OPTION_NAMES.get(self._solver, _OptionNames())
         options: dict[str, float] = dict.fromkeys(names.tolerances, accuracy)
         if names.iteration_limit:
@@ -177,13 +179,14 @@ class CvxpyProgram:
             options[names.time_limit] = max(max_seconds, 1e-3)
         start_time = time.perf_counter()
         try:
+            self._linear.value = velocity * (self._scaling.impulse / self._scaling.energy)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # warnings report inaccuracy, which the judge measures
                 self._program.solve(solver=self._solver, warm_start=False, **options)
             status = {cp.OPTIMAL: ConicStatus.CONVERGED, cp.UNBOUNDED: ConicStatus.UNBOUNDED}.get(
                 self._program.status, ConicStatus.GAVE_UP
             )
-        except cp.error.SolverError:
+        except (cp.error.SolverError, ValueError):  # a ValueError reports numbers that are not finite
             status = ConicStatus.GAVE_UP
         elapsed = time.perf_counter() - start_time
         scaled_impulses = self._impulses.value

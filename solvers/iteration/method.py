@@ -57,4 +57,4 @@ def check_option(name: str, value: object, is_valid: bool, requirement: str) -> 
 
 def check_form(form: str) -> None:
     """Raise ``SolverError`` unless ``form`` names a form of the problem: G assembled, or its factors W and M⁻¹."""
-    check_option("form", form, form in ("delassus", "factors"), "'delassus' or 'factors'")
+    check_option("form", form, isinstance(form, str) and form in ("delassus", "factors"), "'delassus' or 'factors'")

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -101,3 +102,10 @@ def test_an_interruption_says_that_something_is_kept_only_if_something_is(finish
     (tmp_path / "cases").mkdir()
     assert "before anything was measured; resume with: " in str(InterruptedRunError(tmp_path))
     assert "measurements are kept; resume with: " in str(InterruptedRunError(finished_run))
+
+
+@pytest.mark.parametrize("error", [InterruptedRunError, InterruptedSimulationError])
+def test_a_path_in_a_command_is_one_word_for_a_shell(error: Callable[[Path], Exception], tmp_path: Path) -> None:
+    path = tmp_path / "it's my $HOME; ls"
+    command = str(error(path)).partition("resume with: ")[2]
+    assert shlex.split(command)[-1] == str(path)

@@ -1,8 +1,10 @@
 """Copies of arrays keep every number, or the error names the one that would change."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from proxbench.problems import ProblemError
+from proxbench.problems import ContactProblem, ProblemError, judge
 from proxbench.problems.arrays import frozen
 
 
@@ -10,6 +12,28 @@ from proxbench.problems.arrays import frozen
 def test_a_number_that_an_integer_type_cannot_hold_is_reported(value: float) -> None:
     with pytest.raises(ProblemError, match=r"kind\[1\] = .* must be a whole number from -128 to 127"):
         frozen([0, value], np.int8, "kind")
+
+
+@pytest.mark.parametrize("place", ["G", "W", "M⁻¹", "c", "friction", "impulses"])
+def test_a_masked_entry_is_refused_because_its_number_would_be_used(place: str) -> None:
+    G, c, mu = np.eye(3), np.array([-1.0, 0.5, 0.2]), np.array([0.3])
+    values = {"G": G, "W": G, "M⁻¹": np.ones(3), "c": c, "friction": mu, "impulses": np.zeros(3)}
+    masked: dict[str, Any] = {**values, place: np.ma.masked_array(values[place], mask=np.zeros(values[place].shape))}
+    solved(**masked)
+    masked[place].mask.flat[-1] = True
+    last = ", ".join(str(length - 1) for length in values[place].shape)
+    with pytest.raises(ProblemError, match=rf"^{place}\[{last}\] is masked; fill it with a number"):
+        solved(**masked)
+
+
+def solved(**values: Any) -> None:
+    """Make both forms of a problem, and judge impulses."""
+    c, friction = values["c"], values["friction"]
+    for problem in (
+        ContactProblem.from_delassus(values["G"], c, friction),
+        ContactProblem.from_factors(values["W"], values["M⁻¹"], c, friction),
+    ):
+        judge(problem, values["impulses"])
 
 
 def test_whole_numbers_of_any_real_type_become_integers() -> None:

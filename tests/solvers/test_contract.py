@@ -177,6 +177,24 @@ def test_solved_means_that_the_judge_of_its_own_model_agrees(name: str, dim: int
             assert judge(problem, solution.impulses, solver.model).residual <= 1.01 * tolerance
 
 
+@pytest.mark.parametrize("name", variants(18))
+@pytest.mark.parametrize(("mass", "speed"), [(570, 0), (-570, 0), (0, 570), (0, -570), (300, 300), (-300, -300)])
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_no_claim_is_false_in_units_in_which_squares_leave_the_range_of_double_precision(
+    name: str, mass: int, speed: int
+) -> None:
+    solver, usual = create(name), sample_for(name)
+    assert usual.factors is not None
+    directions, inverse_mass = usual.factors.force_directions, usual.factors.inverse_mass.matrix
+    scaled = ContactProblem.from_factors(
+        directions, 2.0**-mass * inverse_mass, 2.0**speed * usual.free_velocity, laws=usual.laws
+    )
+    solution = solver.prepare(scaled).solve(Stop(1e-5, limit(name, 200)))
+    assert np.isfinite(solution.impulses).all()
+    if solution.status is Status.SOLVED:
+        assert judge(scaled, solution.impulses, solver.model).residual <= 1.01e-5
+
+
 @pytest.mark.parametrize(
     "name", variants(12, [name for name in ITERATIVE if name not in ("Jprox", "JORprox(relaxation=0.2)")])
 )

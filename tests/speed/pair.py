@@ -14,6 +14,7 @@ The exit code is 1 if a figure is slower, 2 if something is wrong, and 0 otherwi
 ``--store`` adds the speeds and ratios of the checked-out commit to ``results/speed/history.csv``, for releases.
 """
 
+import argparse
 import io
 import json
 import math
@@ -329,18 +330,25 @@ def store(comparisons: Iterable[Comparison], commit: str, path: Path) -> None:
 
 
 def main(words: Sequence[str]) -> int:
-    """Compare with the accepted commits, or with the one that is named; return the exit code."""
-    names, stores = [word for word in words if word != "--store"], "--store" in words
+    """Compare with the accepted commits, or with the one that is named; return the exit code.
+
+    Raises:
+        SystemExit: with code 2 for wrong arguments, with code 0 for ``--help``.
+    """
+    parser = argparse.ArgumentParser(prog="python tests/speed/pair.py", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument(
+        "commit", nargs="?", metavar="COMMIT", help="state to compare with; by default, the accepted ones"
+    )
+    parser.add_argument("--store", action="store_true", help="add the speeds to results/speed/history.csv")
+    given = parser.parse_args(words)
     try:
-        if len(names) > 1:
-            raise BenchError("name one commit, or none to compare with the accepted ones.")
-        commit = measured_commit() if stores else ""
-        if names:
-            comparisons, bases = [Comparison(figure, names[0]) for figure in FIGURES], names
+        commit = measured_commit() if given.store else ""
+        if given.commit:
+            comparisons, bases = [Comparison(figure, given.commit) for figure in FIGURES], [given.commit]
         else:
             comparisons, bases = accepted(ACCEPTED)
         code = compare(comparisons)
-        if stores:
+        if given.store:
             store(comparisons, commit, HISTORY)
         if len(bases) > 1:
             count, first = len(bases) - 1, bases[0][:8]

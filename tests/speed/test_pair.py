@@ -221,6 +221,19 @@ def test_figures_that_stay_undecided_are_shown_and_counted(
     assert f"None of {len(FIGURES)} compared figures is certainly slower than 1.15 times; 2 are undecided." in printed
 
 
+@pytest.mark.parametrize(("words", "code"), [(["--help"], 0), (["main", "HEAD"], 2), (["--stor=1"], 2), (["-x"], 2)])
+def test_a_word_that_is_no_commit_measures_nothing(
+    words: list[str], code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    installed = measure_as({}, tmp_path, monkeypatch)
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == code
+    assert installed == []
+    printed = capsys.readouterr()
+    assert (printed.err or printed.out).startswith("usage: python tests/speed/pair.py [-h] [--store] [COMMIT]")
+
+
 def test_a_slower_figure_is_named_with_what_accepts_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -41,6 +41,7 @@ def matrix(
     from ...report.layout.output_file import write_file
     from ...report.layout.text import counted, csv_content, print_json
     from ...report.matrix import count_bad, matrix_page, matrix_table
+    from ...report.page.commands import option, plugin_options, sample_options
     from ...store.outcome import Cell
     from ..progress import ProgressBar
 
@@ -58,7 +59,9 @@ def matrix(
 
         cells = measure_matrix(selection.problems, solvers, stop, on_cell=show)
     options.print_notes(*map(options.with_option_names, selection.left_out))
-    command = _command(suite, problem, solver, stop, output, sample, sampling)
+    selected = [option("problem", name) for name in problem or []] or [option("suite", suite)]
+    selected += [*sample_options(sample, sampling), *(option("solver", name) for name in solver or [])]
+    command = _command([*selected, *plugin_options(plugin or [])], stop, output)
     page = matrix_page(cells, tolerance, command, table=table.name if table is not None else "")
     if as_json:
         print_json([asdict(cell) for cell in cells])
@@ -98,22 +101,12 @@ def _table_file(output: Path) -> Path:
     return table
 
 
-def _command(
-    suite: str,
-    problems: list[str] | None,
-    solvers: list[str] | None,
-    stop: "Stop",
-    output: Path | None,
-    sample: int | None,
-    sampling: str,
-) -> str:
-    """Return the command line that reproduces the page."""
-    words = ["proxbench matrix"]
-    words += [f"--problem {name}" for name in problems or []] or [f"--suite {suite}"]
-    words += [f"--sample {sample}"] if sample is not None else []
-    words += [f"--sampling {sampling}"] if sample is not None and sampling != "proportional" else []
-    words += [f'--solver "{name}"' for name in solvers or []]
-    words += [f"--tolerance {stop.tolerance:g}"] if stop.tolerance != DEFAULT_TOLERANCE else []
-    words += [f"--solve-seconds {stop.max_seconds:g}"] if stop.max_seconds != DEFAULT_SECONDS else []
-    words += [f"--max-iterations {stop.max_iterations}"] if stop.max_iterations != DEFAULT_ITERATIONS else []
-    return " ".join([*words, f"--output {output}"] if output is not None else words)
+def _command(selected: list[str], stop: "Stop", output: Path | None) -> str:
+    """Return the command line that reproduces the page, with options for the ``selected`` problems and solvers."""
+    from ...report.page.commands import option, shortest
+
+    words = ["proxbench matrix", *selected]
+    words += [option("tolerance", shortest(stop.tolerance))] if stop.tolerance != DEFAULT_TOLERANCE else []
+    words += [option("solve-seconds", shortest(stop.max_seconds))] if stop.max_seconds != DEFAULT_SECONDS else []
+    words += [option("max-iterations", stop.max_iterations)] if stop.max_iterations != DEFAULT_ITERATIONS else []
+    return " ".join([*words, option("output", output)] if output is not None else words)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -77,9 +78,13 @@ def _require_problem_file(file: Path) -> None:
     from ...simulation.file import is_result
 
     if not file.exists() and str(file) in problem_names():
-        raise ProblemError(f"{file} is a problem by name, not a file; show it by: proxbench list problems {file}.")
+        raise ProblemError(
+            f"{file} is a problem by name, not a file; show it by: proxbench list problems {quote(str(file))}."
+        )
     if file.suffix == ".npz" and file.exists() and is_result(file):
-        raise ProblemError(f"{file} holds a simulation, not a problem; show it by: proxbench report {file}.")
+        raise ProblemError(
+            f"{file} holds a simulation, not a problem; show it by: proxbench report {quote(str(file))}."
+        )
 
 
 def import_files(

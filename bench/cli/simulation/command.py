@@ -2,6 +2,7 @@
 
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -118,7 +119,7 @@ def _require_study(folder: Path) -> None:
     if not Store.open(folder).read_run().plan.trajectories:
         raise BenchError(
             f"{folder} is a run over contact problems, not a simulation; "
-            f"resume it with: proxbench run --resume {folder}"
+            f"resume it with: proxbench run --resume {quote(str(folder))}"
         )
 
 

@@ -5,6 +5,7 @@ the end reports the number of lost problems; a resumed run measures them.
 """
 
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from shlex import quote
 
 from msgspec.structs import replace
 
@@ -78,7 +79,7 @@ class DistributedExecutor(RunExecutor):
             reason, folder = first_line(next(iter(self._lost.values()))), self._store.folder
             raise BenchError(
                 f"{count} could not be measured ({reason}); the other results are stored; resume with: "
-                f"proxbench run --resume {folder}"
+                f"proxbench run --resume {quote(str(folder))}"
             )
 
     def _task(self, name: str) -> ProblemTask:

@@ -32,12 +32,14 @@ class SimulationRound(TimedRound, frozen=True, kw_only=True):
         unsolved: number of steps that are not solved to the tolerance, as judged.
         overlapping: number of steps after which the projection of positions leaves deeper overlaps than its tolerance.
         values: final values by name; empty if the simulation is incomplete.
+        displacement: largest displacement of a coordinate from the start at any time [m]; 0 if it is incomplete.
     """
 
     steps: Count
     unsolved: Count
     overlapping: Count
     values: dict[str, Number]
+    displacement: Number = 0.0
 
     @property
     def n_readings(self) -> int:

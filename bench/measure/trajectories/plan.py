@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from numbers import Real
 
 from msgspec.structs import replace
 
@@ -13,7 +14,7 @@ from ...errors import BenchError
 from ...plugins.descriptions import solver_spec
 from ...plugins.remote_scene import local_or_remote_scene
 from ...simulation.starts import DEFAULT_START
-from ...store.plans import Limits, PlanRecord, TrajectoryRecord
+from ...store.plans import Limits, PlanRecord, TrajectoryRecord, require_number
 from ..plan import Plan
 from .defaults import added_methods, default_methods, default_reference
 from .methods import Method, make_method
@@ -62,6 +63,8 @@ def make_study_plan(
         ProxbenchError: for an unknown scene, stepper, solver or option, or a number out of range.
     """
     trajectory, built_scene = _trajectory(scene, duration, members)
+    if methods is not None and not isinstance(methods, Mapping):
+        raise BenchError(f"`methods` must map names of methods to ladders of numbers, got {methods!r:.60}.")
     if methods is None:
         study_methods = list(default_methods(built_scene, trajectory))
     else:
@@ -97,6 +100,11 @@ def _is_factor(member: float) -> bool:
 
 def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:
     """Return the record of a trajectory, before its reference is simulated, and the scene."""
+    if duration is not None:
+        require_number("duration", duration)
+    is_list = members is None or isinstance(members, Iterable)
+    if not is_list or not all(isinstance(member, Real) for member in (() if members is None else members)):
+        raise BenchError(f"`members` must be a list of numbers, got {members!r:.60}.")
     plain, options = parse_scene(scene)
     study = SCENES[plain].study if plain in SCENES else StudyDefaults()
     is_cycle = study.is_limit_cycle and duration is None and {**study.options, **options} == study.options
@@ -121,7 +129,7 @@ def _trajectory(scene: str, duration: float | None, members: Sequence[float] | N
         raise BenchError(f"`duration` must be positive and finite, got {seconds:g}; omit it for the default.")
     trajectory = TrajectoryRecord(
         name=str(Name(plain, options)),
-        duration=seconds,
+        duration=float(seconds),
         members=member_values,
         error="limit cycle" if is_cycle else "aggregates" if is_pour else "end position",
     )

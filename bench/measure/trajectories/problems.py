@@ -88,14 +88,15 @@ def _with_member(record: TrajectoryRecord, method: Method, worker: RenewedWorker
     scale, displacement, failure = record.scale, record.displacement, ""
     if record.error == "end position":
         ending, _ = worker.ask("exact_end")
-        values, start = dict(ending["values"]), dict(ending["start"])
+        values, start, moved = dict(ending["values"]), dict(ending["start"]), float(ending["displacement"])
     if record.reference is not None:
         answer, _ = worker.ask("simulate", method.record.values[0], member)
         run = SimulationRound.read(answer, math.inf)
         values, failure = run.values, "" if run.status is Status.SOLVED else run.message
+        moved = run.displacement
     if record.error == "end position" and not failure:
-        displacement = max(abs(values[name] - start[name]) for name in values)
-        scale = max(float(ending["length"]), displacement)
+        scale = max(float(ending["length"]), *(abs(values[name] - start[name]) for name in values))
+        displacement = moved
     return replace(
         record,
         scale=scale,

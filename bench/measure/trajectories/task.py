@@ -24,6 +24,9 @@ from ...simulation.step_times import StepClocks
 from ...simulation.trajectory import Simulation
 from .methods import Method, scaled_stepper
 
+EXACT_INSTANTS = 200
+"""Number of instants of a motion in closed form at which its displacement is taken."""
+
 MAX_SOLVES = 10_000
 """Limit of the solves of a stepper that locates switches: with a coarse solver, laws may switch forever."""
 
@@ -61,14 +64,16 @@ class TrajectoryTask:
             return {"unsupported_reason": str(error)}, b""
 
     def _exact_end(self) -> dict[str, Any]:
-        """Return the exact end of the motion (empty if unknown), its start, and the reference length of the scene."""
+        """Return the exact end of the motion (empty if unknown), its start and displacement, and the scene's length."""
         scene, measure, duration = self._scene(self.problem.members[0]), self.problem.measure, self.problem.duration
         recorder = MotionRecorder(scene)
         start = measure.values(recorder, duration)
+        facts = {"start": start, "length": scene.length}
         if scene.exact is None:
-            return {"values": {}, "start": start, "length": scene.length}
-        recorder.record(scene.exact(scene.start.time + duration))
-        return {"values": measure.values(recorder, duration), "start": start, "length": scene.length}
+            return {"values": {}, "displacement": 0.0, **facts}
+        for part in np.linspace(0.0, 1.0, EXACT_INSTANTS + 1)[1:]:
+            recorder.record(scene.exact(scene.start.time + float(part) * duration))
+        return {"values": measure.values(recorder, duration), "displacement": recorder.displacement, **facts}
 
     def _scene(self, member: float) -> Scene:
         """Return the scene, with the seed ``member`` if members are seeds."""
@@ -136,6 +141,7 @@ class TrajectoryTask:
             "unsolved": int(simulation.unsolved.sum()),
             "overlapping": int(simulation.overlapping.sum()),
             "values": values if status is Status.SOLVED else {},
+            "displacement": recorder.displacement if status is Status.SOLVED else 0.0,
         }
 
 

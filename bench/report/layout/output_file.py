@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
 from pathlib import Path
+from shlex import quote
 
 from ....problems.errors import error_text
 from ...errors import BenchError, UnwritableError
@@ -132,5 +133,5 @@ def draw_pictures(
     except Exception as error:
         kind = UnwritableError if isinstance(error, UnwritableError) else BenchError
         raise kind(
-            f"{result} is kept, but its {what} is missing: {error_text(error)}; {remedy.format(result)}"
+            f"{result} is kept, but its {what} is missing: {error_text(error)}; {remedy.format(quote(str(result)))}"
         ) from error

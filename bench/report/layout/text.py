@@ -14,7 +14,7 @@ PIPE_WIDTH = 1000
 """Line width for files and pipes, so that names and commands are not wrapped."""
 
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\n")
-"""Characters that begin a formula in a spreadsheet, from OWASP's page on CSV injection."""
+"""Characters that begin a formula in a spreadsheet, from OWASP's page on CSV injection, as in ``page/elements.js``."""
 
 
 def output_width() -> int:

@@ -1,9 +1,9 @@
-"""Commands that repeat a run or one of its cases, on several lines."""
+"""Commands that repeat a run, one of its cases, or another measurement, on several lines."""
 
 import shlex
+from collections.abc import Iterable
+from pathlib import Path
 
-from ....problems.errors import ProblemError
-from ....problems.exchange.catalog import suite_members
 from ...store.records import RunRecord
 
 LINE_BREAK = " \\\n  "
@@ -13,11 +13,12 @@ LINE_BREAK = " \\\n  "
 def repeat_command(run: RunRecord) -> str:
     """Return the command that repeats a run, provided that files, folders and plugins have not moved."""
     plan = run.plan
-    selection = [option("suite", plan.suite)] if plan.suite else [option("problem", name) for name in plan.problems]
-    if plan.shard:
-        selection.append(option("shard", plan.shard))
-    elif plan.suite and 0 < len(plan.problems) < _suite_size(plan.suite):
-        selection.append(option("sample", len(plan.problems)))
+    if plan.requested:
+        selection = [option("suite" if plan.suite else "problem", name) for name in plan.requested]
+        selection += sample_options(plan.sample, plan.sampling)
+        selection += [option("shard", plan.shard)] if plan.shard else []
+    else:  # the run is merged from several, so that no selection is known
+        selection = [option("problem", name) for name in plan.problems]
     solvers = [option("solver", name) for name in plan.solvers]
     return LINE_BREAK.join(["proxbench run", *selection, *solvers, protocol_options(run)])
 
@@ -31,16 +32,26 @@ def protocol_options(run: RunRecord) -> str:
     options = {
         "passes": plan.passes,
         "seed": plan.seed,
-        "solve-seconds": f"{limits.solve_seconds:g}",
-        "case-seconds": f"{limits.case_seconds:g}",
+        "solve-seconds": shortest(limits.solve_seconds),
+        "case-seconds": shortest(limits.case_seconds),
         "memory": round(limits.memory_bytes / 2**20),
     }
     lines = [
-        " ".join(option("tolerance", f"{tolerance:g}") for tolerance in plan.tolerances),
+        " ".join(option("tolerance", shortest(tolerance)) for tolerance in plan.tolerances),
         " ".join(option(name, value) for name, value in options.items()),
-        *(option("plugin", file) for file in dict.fromkeys(use.file for use in run.plugins if use.file)),
+        *plugin_options(use.file for use in run.plugins if use.file),
     ]
     return LINE_BREAK.join(lines)
+
+
+def sample_options(sample: int | None, sampling: str) -> list[str]:
+    """Return the options that draw a sample of problems; none without a sample."""
+    return [] if sample is None else [option("sample", sample), option("sampling", sampling)]
+
+
+def plugin_options(files: Iterable[str | Path]) -> list[str]:
+    """Return an option for each plugin file."""
+    return [option("plugin", file) for file in dict.fromkeys(files)]
 
 
 def option(name: str, value: object) -> str:
@@ -50,9 +61,7 @@ def option(name: str, value: object) -> str:
     return f'--{name} "{text}"' if in_double_quotes else f"--{name} {shlex.quote(text)}"
 
 
-def _suite_size(suite: str) -> int:
-    """Return the number of problems of a named suite; 0 for a folder."""
-    try:
-        return len(suite_members(suite))
-    except ProblemError:
-        return 0
+def shortest(value: float) -> str:
+    """Return the shortest text that is read as ``value``."""
+    text = f"{value:g}"
+    return text if float(text) == value else repr(float(value))

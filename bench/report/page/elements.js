@@ -113,9 +113,11 @@ function table(columns, rows, caption) {
 // Rows as a file that the browser saves, without a request. An apostrophe precedes texts that a spreadsheet would run.
 function csv(rows) {
   const quoted = (value) => {
-    const text = value === null || value === undefined || Number.isNaN(value) ? "" : String(value);
-    const safe = typeof value === "string" && /^[=+\-@\t\r]/.test(text) ? `'${text}` : text;
-    return /[",\n\r]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
+    const known = value === null || value === undefined || Number.isNaN(value) ? "" : String(value);
+    const text = known.replace(/\r\n?/g, "\n");
+    const runs = typeof value === "string" && /^[=+\-@\t\n]/.test(text) && Number.isNaN(Number(text));
+    const safe = runs ? `'${text}` : text;
+    return /[",\n]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
   };
   const names = rows.length ? Object.keys(rows[0]) : [];
   return [names, ...rows.map((row) => names.map((name) => row[name]))].map((row) => row.map(quoted).join(",") + "\n").join("");

@@ -167,9 +167,18 @@ def _merged_plan(plans: Sequence[PlanRecord]) -> PlanRecord:
         solvers=_unique(name for plan in plans for name in plan.solvers),
         families={name: family for plan in plans for name, family in plan.families.items()},
         suite=plans[0].suite if len({plan.suite for plan in plans}) == 1 else "",
+        requested=plans[0].requested if _select_the_same(plans) else [],
         left_out=_unique(sentence for plan in plans for sentence in plan.left_out),
         shard="",
     )
+
+
+def _select_the_same(plans: Sequence[PlanRecord]) -> bool:
+    """Return whether the plans, or together all shards of a run, have the problems of one selection."""
+    first, names = plans[0], ("suite", "requested", "sample", "sampling", "seed")
+    is_same = all(getattr(plan, name) == getattr(first, name) for plan in plans for name in names)
+    is_whole = not any(plan.shard for plan in plans) or (_are_shards(plans) and not _missing_shards(plans))
+    return is_same and is_whole
 
 
 def _unique(items: Iterable[Item]) -> list[Item]:

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import NDArray
 
-from ...arrays import FloatArray, IntArray, read_only
+from ...arrays import FloatArray, IntArray, ReadOnlyRecord, read_only
 from ...compilation.interpretation import interpretable
 from ..blocks import BlockLayout
 from .memory import SMALL_BYTES, available_bytes, named_allocation, require_memory
@@ -19,7 +19,7 @@ REMEDY = "use a solver over the factors, such as SORprox(form='factors')"
 
 
 @dataclass(frozen=True, eq=False)
-class DelassusBlocks:
+class DelassusBlocks(ReadOnlyRecord):
     """G in block CSR format over the padded blocks of a ``BlockLayout``; the diagonal block comes first in its row.
 
     Attributes:

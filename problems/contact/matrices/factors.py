@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import ArrayLike
 
-from ...arrays import FloatArray, frozen, read_only
+from ...arrays import FloatArray, ReadOnlyRecord, frozen, read_only, real_numbers
 from ...compilation.interpretation import interpretable
 from ...errors import ProblemError
 from ..blocks import BlockLayout
@@ -19,7 +19,7 @@ from .user_matrices import as_matrix, check_finite, read_matrix, sparse_arrays, 
 
 
 @dataclass(frozen=True, eq=False)
-class InverseMass:
+class InverseMass(ReadOnlyRecord):
     """M⁻¹ with its root, computed once for all problems that share the object.
 
     Attributes:
@@ -41,7 +41,7 @@ class InverseMass:
         Raises:
             ProblemError: if the shape is wrong, a number is not finite, or M⁻¹ is not symmetric positive definite.
         """
-        if np.ndim(inverse_mass) == 1 and not sp.issparse(inverse_mass):
+        if not sp.issparse(inverse_mass) and real_numbers(inverse_mass, "M⁻¹").ndim == 1:
             diagonal = frozen(inverse_mass, np.float64, "M⁻¹")
             pattern = _diagonal_pattern(len(diagonal))
             matrix = with_entries(pattern, diagonal, pattern.indices, pattern.indptr)
@@ -144,7 +144,7 @@ class InverseMass:
 
 
 @dataclass(frozen=True, eq=False)
-class Factors:
+class Factors(ReadOnlyRecord):
     """W, M⁻¹ and the free motion of the system that a problem comes from; build it with ``create``.
 
     Attributes:

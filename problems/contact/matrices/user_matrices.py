@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numba import njit, uint64
 from numpy.typing import NDArray
 
-from ...arrays import read_only
+from ...arrays import check_no_mask, read_only
 from ...compilation.interpretation import interpretable
 from ...errors import ProblemError
 
@@ -56,8 +56,9 @@ def as_matrix(matrix_like: Any, name: str) -> Any:
     """Return ``matrix_like`` if it is a sparse matrix, else a dense matrix of numbers.
 
     Raises:
-        ProblemError: if ``matrix_like`` is not a matrix of real numbers.
+        ProblemError: if ``matrix_like`` is not a matrix of real numbers, or an entry is masked.
     """
+    check_no_mask(matrix_like, name)
     try:
         matrix: Any = matrix_like if sp.issparse(matrix_like) else np.asarray(matrix_like)
         if matrix.ndim == 2 and matrix.dtype.kind in "fiub":
@@ -81,6 +82,13 @@ def check_finite(matrix: Any, name: str) -> None:
             f"{name}[{entries.row[first]}, {entries.col[first]}] = {entries.data[first]} must be finite."
         )
     read_only(matrix.data, matrix.indices, matrix.indptr)
+
+
+def read_only_copy(matrix: Compressed) -> Compressed:
+    """Return a copy of a CSR or CSC matrix with read-only arrays."""
+    other: Compressed = matrix.copy()
+    read_only(other.data, other.indices, other.indptr)
+    return other
 
 
 def with_entries(matrix: Compressed, data: NDArray[Any], indices: NDArray[Any], indptr: NDArray[Any]) -> Compressed:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...arrays import FloatArray, real_numbers
 from ...contact.problem import ContactProblem
 from ...errors import ProblemError
-from ..files.problem_file import write_whole
+from ..files.problem_file import check_problem, write_whole
 from ..repair import Indefinite, Repair, Symmetry, named_in_errors
 from .container import ContainerError, open_container
 from .contents import GlobalContents, LocalContents, read_contents, stored_contents
@@ -87,6 +87,7 @@ def write_fclib(problem: ContactProblem, path: Path | str, impulses: ArrayLike |
         ProblemError: if FCLIB cannot represent the laws, the impulses have the wrong shape or are not finite, the name
             has a different ending, or the file cannot be written.
     """
+    check_problem(problem, "write_fclib")
     path = Path(path)
     if path.suffix not in SUFFIXES:
         raise ProblemError(f"FCLIB files end in {SUFFIXES[0]}, and {path} does not; name it {path.stem}{SUFFIXES[0]}.")

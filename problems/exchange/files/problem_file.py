@@ -54,8 +54,10 @@ def save_problem(problem: ContactProblem, path: Path | str) -> None:
         path: the file, ending in .npz or .json; its folder is created.
 
     Raises:
-        ProblemError: if the file cannot be written, or its name has a different suffix.
+        ProblemError: if ``problem`` is not a contact problem, the file cannot be written, or its name has a different
+            suffix.
     """
+    check_problem(problem, "save_problem")
     path = Path(path)
     if path.suffix not in SUFFIXES:
         raise ProblemError(
@@ -63,6 +65,12 @@ def save_problem(problem: ContactProblem, path: Path | str) -> None:
         )
     is_json = path.suffix == JSON_SUFFIX
     write_whole(path, json_text(*_description_and_arrays(problem)).encode() if is_json else packed_problem(problem))
+
+
+def check_problem(problem: object, function: str) -> None:
+    """Raise ``ProblemError`` unless the first argument of ``function`` is a contact problem."""
+    if not isinstance(problem, ContactProblem):
+        raise ProblemError(f"{function} takes a ContactProblem, not a value of type {type(problem).__name__}.")
 
 
 def check_folder(folder: Path) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from ...arrays import FloatArray, IntArray, frozen
+from ...arrays import FloatArray, IntArray, frozen, real_numbers
 from ...contact.laws import Laws
 from ...contact.matrices.factors import InverseMass
 from ...contact.matrices.pieces import Pieces
@@ -236,9 +236,9 @@ class MechanicalSystem:
 
     def __post_init__(self) -> None:
         """Check the numbers; ``width`` becomes the largest number of rows of a contact or joint."""
-        self.friction = np.atleast_1d(np.asarray(self.friction, dtype=np.float64))
+        self.friction = np.atleast_1d(np.asarray(real_numbers(self.friction, "friction"), dtype=np.float64))
         for name in ("restitution_normal", "restitution_tangential"):
-            values = np.atleast_1d(np.asarray(getattr(self, name), dtype=np.float64))
+            values = np.atleast_1d(np.asarray(real_numbers(getattr(self, name), name), dtype=np.float64))
             if values.shape != self.friction.shape or not ((values >= 0) & (values <= 1)).all():
                 raise ProblemError(f"{name} must be {len(self.friction)} numbers between 0 and 1, got {values}.")
             setattr(self, name, values)

@@ -77,6 +77,8 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
     if n < 2:
         return np.zeros((0, 2), dtype=np.int64)
     number, extent_x, extent_y, n_cells = _cell_numbers(centres, 2.0 * radii.max())
+    if n_cells == np.inf:
+        number, extent_x, extent_y = _occupied_cell_numbers(centres, 2.0 * radii.max())
     order = _counting_sort(number, n_cells) if n_cells <= CELLS_PER_BALL * n else np.argsort(number, kind="stable")
     buffer = np.empty((USUAL_PAIRS * n, 2), dtype=np.int64)
     arguments = centres, radii, order, number, extent_x, extent_y
@@ -105,6 +107,24 @@ def near_bodies(centres: FloatArray, radii: FloatArray, n_moving: int, margin: f
     pairs: IntArray = _with_fixed(moving, centres, radii, n_moving, margin, excluded)
     return pairs
 
+
+def _occupied_cell_numbers(centres: FloatArray, width: float) -> tuple[IntArray, int, int]:
+    """Return what ``_cell_numbers`` does, if the cells between balls are too many to be numbered.
+
+    Along each axis, any number of consecutive empty cells counts as one. The neighbours of a cell remain the same.
+    """
+    cells = np.ones((len(centres), 3), dtype=np.int64)
+    for axis, coordinates in enumerate(centres.T):
+        with np.errstate(invalid="ignore"):  # coordinates that are not finite have no neighbours
+            occupied, index = np.unique(np.floor((coordinates - coordinates.min()) / width), return_inverse=True)
+            steps = np.fmin(np.diff(occupied), 2.0)
+        cells[:, axis] = 1 + np.append(0, np.cumsum(steps.astype(np.int64)))[index]
+    extent = cells.max(axis=0) + 2
+    return cells[:, 0] + extent[0] * (cells[:, 1] + extent[1] * cells[:, 2]), int(extent[0]), int(extent[1])
+
+
+MAX_CELLS = 2.0**62
+"""Exclusive bound of the number of cells, which 64-bit integers can number; extents of 1e6 diameters have 1e18."""
 
 CELLS_PER_BALL = 64
 """Largest number of cells per ball for which balls are sorted by counting; scattered balls occupy more cells."""
@@ -152,12 +172,15 @@ def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
     """
     n, dim = centres.shape
     cells = np.ones((n, 3), dtype=np.int64)
-    extent = np.zeros(3, dtype=np.int64)
+    extent, n_cells = np.zeros(3, dtype=np.int64), 1.0
     for axis in range(3):
-        lowest = np.inf
+        lowest, highest = np.inf, -np.inf
         if axis < dim:
             for i in range(n):
-                lowest = min(lowest, centres[i, axis])
+                lowest, highest = min(lowest, centres[i, axis]), max(highest, centres[i, axis])
+            n_cells *= np.floor((highest - lowest) / width) + 3.0
+            if not n_cells < MAX_CELLS:
+                return np.empty(n, dtype=np.int64), 0, 0, np.inf
         for i in range(n):
             if axis < dim:
                 cells[i, axis] = int(np.floor((centres[i, axis] - lowest) / width)) + 1

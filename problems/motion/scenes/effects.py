@@ -12,7 +12,7 @@ from typing import ClassVar, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from ...arrays import FloatArray
+from ...arrays import FloatArray, check_number, real_numbers
 from ...errors import ProblemError
 from ..bodies.balls import DISC_INERTIA, BallSystem, PairCoefficient
 from ..bodies.rigid.rigid_bodies import RigidBodies
@@ -103,8 +103,7 @@ class Gravity(Force):
     acceleration: float = 9.81
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.acceleration):
-            raise ProblemError(f"acceleration of gravity must be finite, got {self.acceleration}.")
+        check_number("acceleration of gravity", self.acceleration)
 
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
         """Return −g along the last axis [m/s²]."""
@@ -133,8 +132,7 @@ class Drag(Force):
     is_dissipative: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.coefficient < np.inf:
-            raise ProblemError(f"coefficient of drag must be finite and not negative, got {self.coefficient}.")
+        check_number("coefficient of drag", self.coefficient, 0.0)
 
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
         """Return −k v/m [m/s²]."""
@@ -157,7 +155,9 @@ class Spring(Force):
     anchor: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if not np.isfinite([self.stiffness, *self.anchor]).all():
+        check_number("stiffness of a spring", self.stiffness)
+        anchor = real_numbers(self.anchor, "anchor of a spring")
+        if anchor.ndim != 1 or not np.isfinite(anchor).all():
             raise ProblemError(f"stiffness and anchor of a spring must be finite, got {self.stiffness}, {self.anchor}.")
 
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:

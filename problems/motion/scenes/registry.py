@@ -39,6 +39,9 @@ def make_scene(name: str, options: Mapping[str, object] | None = None) -> Scene:
         ProblemError: if the scene or an option is unknown (the message suggests the nearest name), or a value is out of
             range.
     """
+    given: object = options
+    if given is not None and not isinstance(given, Mapping):
+        raise ProblemError(f"options of a scene must be a dictionary, such as {{'balls': 100}}, got {options!r:.60}.")
     base_name, named_options = parse_scene(name)
     if base_name not in SCENES:
         raise ProblemError(f"there is no scene {base_name!r}{suggestion(base_name, SCENES, 'proxbench list scenes')}")

@@ -28,10 +28,12 @@ class MotionRecorder:
     Attributes:
         scene: the scene.
         last: the last state.
+        displacement: the largest displacement of a coordinate from the start at any time [m].
     """
 
     scene: Scene
     last: State = field(init=False)
+    displacement: float = field(default=0.0, init=False)
     _columns: dict[str, list[float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -40,8 +42,9 @@ class MotionRecorder:
 
     def record(self, state: State) -> None:
         """Record a state."""
-        self.last = state
-        scene = self.scene
+        self.last, scene = state, self.scene
+        moved = float(np.abs(state.position - scene.start.position).max(initial=0.0))
+        self.displacement = max(self.displacement, moved)
         if not scene.n_balls:
             return
         heights = state.position.reshape(scene.n_balls, -1)[:, -1]

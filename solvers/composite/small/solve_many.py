@@ -71,7 +71,7 @@ def solve_many(
     check_limit_names("solve_many", limits)
     solver, stop = Robust(), Stop(tolerance, **limits)
     _check_threads(threads)
-    if isinstance(problems, ContactProblem | str | Path):
+    if isinstance(problems, ContactProblem | str | Path) or not isinstance(problems, Iterable):
         raise SolverError("problems must be a list of problems; for one problem, use solve.")
     loaded = [load(problem) if isinstance(problem, str | Path) else problem for problem in problems]
     for index, problem in enumerate(loaded):

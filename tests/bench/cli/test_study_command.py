@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.cli.progress import RunProgress
 from proxbench.bench.measure.execution.events import Event, PointFinished, ProblemStarted, RunStarted
 from proxbench.bench.measure.trajectories import defaults
+from proxbench.bench.report.studies import motion_warning
 from rich.console import Console
 from simulated_runs import store_run
 from stored_cases import case_record
@@ -137,6 +139,17 @@ def test_a_study_in_which_nothing_moves_warns(capsys: pytest.CaptureFixture[str]
         made = study(scene, results=tmp_path, duration=0.01, members=[1.0], methods=ladder)
         assert run_command(["report", str(made.folder), "--no-charts"]) == 0
         assert ("changes within 0.01 s, so errors" in " ".join(capsys.readouterr().out.split())) is not moves
+
+
+@pytest.mark.slow
+def test_a_motion_that_returns_to_its_start_is_no_rest(tmp_path: Path) -> None:
+    """A ball that falls 1 m and bounces without loss is back after twice the time of the fall."""
+    scene, back = "bouncing_ball(restitution=0.999999999)", 2.0 * math.sqrt(2.0 / 9.81)
+    made = study(scene, results=tmp_path, duration=back, members=[1.0], methods={"Moreau with SORprox": (2e-3,)})
+    (trajectory,) = made.info.plan.trajectories
+    assert trajectory.displacement == pytest.approx(1.0, rel=0.02)
+    assert trajectory.scale == pytest.approx(0.1)
+    assert not motion_warning(trajectory)
 
 
 @pytest.mark.parametrize("hidden", [False, pytest.param(True, marks=pytest.mark.slow)])

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems import ContactProblem, Model, ProblemError, judge, load
+from proxbench.problems import ContactProblem, Laws, Model, ProblemError, judge, load
 from proxbench.problems.contact.judge import local_residual
 from proxbench.problems.contact.problem import FREE_FALL
 from proxbench.problems.contact.residual import ModelResidual, Residual
@@ -115,6 +115,21 @@ def test_very_small_and_very_large_velocities_are_judged_alike(exponent: int, mo
     assert ModelResidual(scaled, model)(unit * impulses, velocity) == pytest.approx(expected.residual, rel=1e-12)
     if model is Model.COULOMB:
         assert Residual(scaled)(unit * impulses, velocity) == pytest.approx(expected.residual, rel=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [-800, -560, 560, 800])
+@pytest.mark.parametrize("model", [Model.COULOMB, Model.CONVEX, Model.pyramid(8), Model.FRICTIONLESS], ids=str)
+def test_very_small_and_very_large_masses_are_judged_alike(exponent: int, model: Model) -> None:
+    """The squares of impulses leave the range of double precision, and those of velocities do not."""
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(9, 12))
+    matrix, c, unit = root.T @ root, rng.normal(size=12), 2.0**exponent
+    laws = Laws.concatenate([Laws.contacts(0.4, 3, 2).with_rolling(0.1, 1), Laws.contacts(0.0, 1, 3), Laws.joints(1)])
+    impulses = rng.normal(size=12)
+    expected = judge(ContactProblem.from_delassus(matrix, c, laws=laws), impulses, model)
+    found = judge(ContactProblem.from_delassus(matrix / unit, c, laws=laws), unit * impulses, model)
+    for name in ("residual", "local_residual", "local_median", "energy_residual"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-12), name
 
 
 @pytest.mark.parametrize("exponent", [-400, 400])

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
-from ....arrays import FloatArray
+from ....arrays import FloatArray, check_number, finite_vector
 from ....errors import ProblemError
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
@@ -57,8 +57,16 @@ def exponential(vectors: FloatArray) -> FloatArray:
 
 
 def about(axis: tuple[float, float, float], angle: float) -> FloatArray:
-    """Return the quaternion, shape (4,), of the rotation by ``angle`` [rad] about ``axis``, of any length."""
-    unit = np.array(axis) / np.linalg.norm(axis)
+    """Return the quaternion, shape (4,), of the rotation by ``angle`` [rad] about ``axis``, of any length.
+
+    Raises:
+        ProblemError: if the axis is zero or not three finite numbers, or the angle is not a finite number.
+    """
+    check_number("angle of a rotation", angle)
+    direction = finite_vector(axis, "axis", 3)
+    if not direction.any():
+        raise ProblemError("the axis of a rotation must not be zero; give its direction, such as (1, 0, 0).")
+    unit = direction / np.linalg.norm(direction)
     rotation: FloatArray = exponential(angle * unit[None, :])[0]
     return rotation
 

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from ....arrays import FloatArray, IntArray
+from ....arrays import FloatArray, IntArray, real_numbers
 from ....contact.laws import Laws
 from ....contact.matrices.factors import InverseMass
 from ....errors import ProblemError
@@ -164,7 +164,7 @@ class RigidBodies:
             raise ProblemError(f"rolling_axes must be 0, 1, 2 or 3, got {self.rolling_axes}.")
 
     def _check_bodies(self) -> None:
-        masses = np.ascontiguousarray(self.masses, dtype=np.float64)
+        masses = np.ascontiguousarray(real_numbers(self.masses, "masses"), dtype=np.float64)
         if masses.shape != (len(self.shapes),):
             raise ProblemError(
                 f"masses must be {len(self.shapes)} positive numbers, one per shape, got shape {masses.shape}."

@@ -159,7 +159,7 @@ def test_the_command_writes_the_page_or_json(tmp_path: Path, capsys: pytest.Capt
     assert run_command([*line, "--output", str(tmp_path / "page.md")]) == 0
     assert "1 cell, 0 of them wrong or with a failed process" in capsys.readouterr().out
     page = (tmp_path / "page.md").read_text()
-    assert f'`proxbench matrix --problem hard-groove --solver "SORprox" {limits} --output' in page
+    assert f"`proxbench matrix --problem hard-groove --solver SORprox {limits} --output" in page
     assert (tmp_path / "page.csv").read_text() == "problem,family,SORprox\nhard-groove,wedges,solved\n"
     assert run_command([*line, "--output", str(tmp_path / "page.csv")]) == 2
     assert "name a file that ends in .md" in capsys.readouterr().err

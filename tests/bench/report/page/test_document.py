@@ -184,10 +184,8 @@ def test_the_page_refers_to_nothing_outside(quick: str) -> None:
 def test_the_command_of_a_run_names_all_that_it_measured() -> None:
     info = load(REFERENCE).info
     words = shlex.split(repeat_command(info).replace("\\\n", ""))
-    given = [value for name, value in pairwise(words) if name == "--solver"]
-    assert given == info.plan.solvers
-    assert words[:4] == ["proxbench", "run", "--suite", "quick"]
-    assert "--sample" not in words
+    for option_name, names in (("--problem", info.plan.problems), ("--solver", info.plan.solvers)):
+        assert [value for name, value in pairwise(words) if name == option_name] == names
 
 
 @pytest.mark.parametrize(

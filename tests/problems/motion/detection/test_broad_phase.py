@@ -77,6 +77,19 @@ def test_distant_ball_needs_no_memory_and_adds_no_pairs() -> None:
     assert overlapping_pairs(centres, np.full(3, 0.3)).tolist() == [[0, 1]]
 
 
+@pytest.mark.parametrize("extent", [1e5, 1e7, 1e10, 1e14])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_pairs_are_found_at_any_distance_from_each_other(extent: float, dim: int) -> None:
+    """The cells of an extent of more than about 1e6 diameters in space are too many to be numbered."""
+    rng = np.random.default_rng(3)
+    scattered = rng.uniform(0.0, extent, (200, dim))
+    centres = np.vstack([scattered, scattered + rng.uniform(-0.5, 0.5, scattered.shape)])
+    radii = np.full(len(centres), 0.5)
+    pairs = overlapping_pairs(centres, radii)
+    assert len(pairs) > 150
+    assert np.array_equal(pairs, every_pair(centres, radii))
+
+
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
 def test_balls_at_nonfinite_positions_have_no_cells(value: float) -> None:
     centres = np.random.default_rng(7).uniform(0.0, 3.0, (30, 3))
