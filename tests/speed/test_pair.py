@@ -188,6 +188,7 @@ def measure_as(ratios: dict[str, list[float]], folder: Path, monkeypatch: pytest
     return installed
 
 
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 def test_speeds_are_stored_by_commit_only_if_it_is_what_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

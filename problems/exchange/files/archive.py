@@ -2,6 +2,7 @@
 
 import math
 import struct
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -20,7 +21,10 @@ MAX_ARRAYS = 64
 DAMAGE_ERRORS = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, OverflowError)
 """Exceptions that libraries raise when they read damaged content."""
 
-_UNPACKING_ERRORS = (*DAMAGE_ERRORS, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, struct.error)
+_UNPACKING_ERRORS = (
+    *(*DAMAGE_ERRORS, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, struct.error),
+    tokenize.TokenError,  # in the header of an array
+)
 
 
 class ArchiveError(ValueError):

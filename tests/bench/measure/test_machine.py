@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 from collections import namedtuple
 from importlib import metadata
@@ -30,6 +31,7 @@ def test_only_installed_libraries_have_a_version() -> None:
     assert all(versions.values())
 
 
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 def test_reading_the_state_of_a_checkout_writes_nothing_into_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

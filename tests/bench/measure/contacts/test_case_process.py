@@ -109,11 +109,13 @@ def ignore(*arguments: object) -> None:
 
 FILTER = ("ignore", None, UserWarning, None, 7)
 
+THRESHOLDS = gc.get_threshold()
+
 TAMPERING: dict[str, tuple[Callable[[], Any], Callable[[], Any]]] = {
     "the trace function": (lambda: sys.settrace(ignore), lambda: sys.settrace(None)),
     "the profile function": (lambda: sys.setprofile(ignore), lambda: sys.setprofile(None)),
     "memory tracing": (tracemalloc.start, tracemalloc.stop),
-    "the settings of the garbage collector": (lambda: gc.set_threshold(7), lambda: gc.set_threshold(700, 10, 10)),
+    "the settings of the garbage collector": (lambda: gc.set_threshold(7), lambda: gc.set_threshold(*THRESHOLDS)),
     "the warning filters": (
         lambda: warnings.filters.insert(0, FILTER),  # type: ignore[attr-defined]
         lambda: warnings.filters.remove(FILTER),  # type: ignore[attr-defined]
