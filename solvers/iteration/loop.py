@@ -17,7 +17,7 @@ ROUNDING_TEST_SWEEPS = CYCLE_PATIENCE * MAX_CHECK_INTERVAL
 """Number of sweeps without a clearly better residual in the judge's arithmetic that establishes the rounding limit."""
 
 MAX_LAWS_SWEPT = 500_000
-"""Largest number of sweeps times laws between two readings of the clock, which take a few milliseconds."""
+"""Number of sweeps times laws, a few milliseconds of work, after which the clock is read at the next check."""
 
 
 class Iterates(Protocol):
@@ -66,7 +66,7 @@ class WindowedIterates(SinglePassIterates):
 
 
 class Window(NamedTuple):
-    """The residuals of a window, and the Λ over rows with the lowest of all but the last."""
+    """The residuals of a window, and the Λ over rows with the lowest residual before the last one, if there is one."""
 
     residuals: FloatArray
     best_impulses: FloatArray

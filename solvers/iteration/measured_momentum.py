@@ -52,7 +52,7 @@ class MeasuredMomentum:
 
     @property
     def next_change(self) -> float:
-        """The number of sweeps from which on a residual may change the memory."""
+        """The number of sweeps from which a residual may change the memory; 0 before the first residual."""
         return self._window_begin[0] + self._window if self._window_begin[1] < np.inf else 0.0
 
     @property

@@ -128,10 +128,10 @@ class Monitor:
         self.clock = Clock(self.stop.max_seconds)
 
     def sweeps_between_checks(self, iteration: int) -> list[int]:
-        """Return the sweeps before each of the next checks, all but the last of which may only record the residual.
+        """Return how many sweeps precede each of the next checks, up to the one that may find more than a residual.
 
-        At these checks, a residual that is finite, above the tolerance and not too large has no other consequence. At
-        the last one, it may show that the sweeps make no progress, or have reached a limit.
+        At the earlier checks, a residual that is above the tolerance and not too large is only recorded. The last check
+        may find that the sweeps make no progress, or have reached a limit.
         """
         counts: list[int] = []
         last = min(self.stop.max_iterations, max(MIN_PLATEAU_SWEEPS, iteration + 1))

@@ -29,7 +29,7 @@ from ...iteration.loop import SinglePassIterates
 from ...iteration.momentum import MomentumState, extrapolate, momentum_after
 from ...sweeps.batches.ball_kernels import WEIGHTS, largest_of_lanes
 from ...sweeps.batches.balls import balls_of, can_compare_squares, write_weights
-from ...sweeps.batches.lanes import BALL_LENGTH, LANES, copy_of_lines
+from ...sweeps.batches.lanes import BALL_LENGTH, LANES, aligned_copy
 from ...sweeps.batches.pieces import Batches, batch_arguments, slots_in_batches
 from ...sweeps.factors import own_coupling
 from .atomic import add, swap_if_equal, wait_for
@@ -127,7 +127,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
         MomentumState.__init__(self, momentum, delay)
         self._sweep = sweep
         self._scaled_velocity = sweep.motion(start)
-        self._previous_velocity = copy_of_lines(self._scaled_velocity)
+        self._previous_velocity = aligned_copy(self._scaled_velocity)
         self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.slabs.n_batches))
         if start.any():
             self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)

@@ -21,7 +21,7 @@ from ....problems.contact.residual import Residual
 from ...iteration.loop import Window, WindowedIterates
 from ...iteration.momentum import MomentumState
 from .ball_kernels import ENTRIES_PER_RECORD, WEIGHTS, largest_violation, sweep_balls, sweep_window, velocity_in_frame
-from .lanes import BALL_LENGTH, LANES, VECTOR, cache_lines, copy_of_lines
+from .lanes import BALL_LENGTH, LANES, VECTOR, aligned_copy, zeros_for_balls
 from .pieces import MIN_FILL, assign_batches
 
 EQUALITY_TOLERANCE = 1e-12
@@ -68,7 +68,7 @@ class Balls(NamedTuple):
 
         The impulses Λ are in the order of rows.
         """
-        motion = cache_lines(len(self.inverse_masses))
+        motion = zeros_for_balls(len(self.inverse_masses))
         if impulses.any():
             _write_motion(self.contacts.chunks, self.contacts.normals, self.inverse_masses, impulses, motion)
         return motion
@@ -157,7 +157,7 @@ class BallIterates(MomentumState, WindowedIterates):
         self._impulses[sweep.slots] = start
         self._motion = sweep.balls.motion(start)
         self._change = np.zeros_like(self._impulses)
-        self._previous_motion = copy_of_lines(self._motion) if momentum > 0.0 else self._motion
+        self._previous_motion = aligned_copy(self._motion) if momentum > 0.0 else self._motion
         self._relative_velocity = np.empty(len(start))
         self._residual: Residual | None = None
         self._weights = np.empty(0)
@@ -183,7 +183,15 @@ class BallIterates(MomentumState, WindowedIterates):
         momentum = self._momentum, self._delay, self._sweeps, self._beta
         data = sweep.bodies, sweep.records, sweep.balls.spin_ratio
         n_checks, self._beta = sweep_window(
-            np.array(counts), *limits, residual.scale, *data, *arrays, *momentum, self._weights, best, residuals
+            np.array(counts),
+            *map(float, limits),
+            residual.scale,
+            *data,
+            *arrays,
+            *momentum,
+            self._weights,
+            best,
+            residuals,
         )
         self.count_window(counts[:n_checks], residuals[: n_checks - 1])
         last = float(residuals[n_checks - 1])

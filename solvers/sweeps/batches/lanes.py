@@ -2,8 +2,9 @@
 
 A batch holds one quantity of all its contacts in adjacent lanes, while the velocity of a body is adjacent in memory.
 Four lanes at a time are read as vectors of four numbers and transposed. numba does not combine scalar instructions into
-vectors, so the functions here generate instructions of LLVM for vectors, which also exist for processors with shorter
-vectors. They compute the same numbers as scalar instructions, to the last bit.
+vectors, so the functions here generate vector instructions of LLVM, which splits them for processors with shorter
+vectors. They compute the same numbers as scalar instructions, to the last bit. If kernels run as Python
+(``NUMBA_DISABLE_JIT=1``), loops over lanes replace them.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types, uint64
+from numba import config, njit, types, uint64
 from numba.core import cgutils
 from numba.extending import intrinsic
 
@@ -24,31 +25,31 @@ VECTOR = 4
 """Number of lanes that are exchanged at a time."""
 
 BALL_LENGTH = 8
-"""Entries of a ball in an array of motions: v, 0, τ and 0, together one cache line."""
+"""Entries of a ball in an array of motions: v, 0, τ and 0, together 64 bytes, the cache line of most processors."""
 
-NUMBERS = ir.VectorType(ir.DoubleType(), VECTOR)
+VECTOR_TYPE = ir.VectorType(ir.DoubleType(), VECTOR)
 """Type of a vector in LLVM."""
 
 CONTRACT = ("contract",)
 """Permission to round a product and a sum once, as ``fastmath={"contract"}`` gives to kernels."""
 
 
-def cache_lines(count: int) -> FloatArray:
-    """Return zeros for ``count`` balls, flat, each of which occupies one cache line."""
+def zeros_for_balls(count: int) -> FloatArray:
+    """Return zeros for ``count`` balls, flat, each at a multiple of 64 bytes."""
     numbers = _aligned(BALL_LENGTH * count)
     numbers.fill(0.0)
     return numbers
 
 
-def copy_of_lines(numbers: FloatArray) -> FloatArray:
-    """Return a copy that begins at a cache line."""
+def aligned_copy(numbers: FloatArray) -> FloatArray:
+    """Return a copy that begins at a multiple of 64 bytes."""
     copy = _aligned(len(numbers))
     copy[:] = numbers
     return copy
 
 
 def _aligned(length: int) -> FloatArray:
-    """Return an array of any numbers that begins at a cache line."""
+    """Return an array of any numbers that begins at a multiple of 64 bytes."""
     numbers = np.empty(length + BALL_LENGTH)
     address: int = numbers.__array_interface__["data"][0]
     first = -(address // numbers.itemsize) % BALL_LENGTH
@@ -70,7 +71,7 @@ class Instructions:
         """Return an unsigned number."""
         return self._context.get_constant(types.uint64, number)
 
-    def sum(self, index: Any, offset: int) -> Any:
+    def plus(self, index: Any, offset: int) -> Any:
         """Return an index plus a known number."""
         return self.builder.add(index, self.constant(offset))
 
@@ -91,19 +92,19 @@ class Instructions:
 
     def transpose(self, rows: Sequence[Any]) -> list[Any]:
         """Return the columns of four vectors; missing rows are zero."""
-        rows = [*rows, *[ir.Constant(NUMBERS, [0.0] * VECTOR)] * (VECTOR - len(rows))]
+        rows = [*rows, *[ir.Constant(VECTOR_TYPE, [0.0] * VECTOR)] * (VECTOR - len(rows))]
         even = [self._shuffle(*pair, 0, 4, 2, 6) for pair in (rows[:2], rows[2:])]
         odd = [self._shuffle(*pair, 1, 5, 3, 7) for pair in (rows[:2], rows[2:])]
         return [self._shuffle(*pair, *half) for half in ((0, 1, 4, 5), (2, 3, 6, 7)) for pair in (even, odd)]
 
-    def store(self, numbers: Any, lane: int, array: tuple[Any, Any], index: Any) -> None:
+    def store_lane(self, numbers: Any, lane: int, array: tuple[Any, Any], index: Any) -> None:
         """Store one number of a vector."""
         number = self.builder.extract_element(numbers, ir.Constant(ir.IntType(32), lane))
         self.builder.store(number, self._pointer(array, index))
 
     def vector(self, numbers: Sequence[Any]) -> Any:
         """Return a vector of four numbers."""
-        vector = ir.Constant(NUMBERS, ir.Undefined)
+        vector = ir.Constant(VECTOR_TYPE, ir.Undefined)
         for lane, number in enumerate(numbers):
             vector = self.builder.insert_element(vector, number, ir.Constant(ir.IntType(32), lane))
         return vector
@@ -120,7 +121,7 @@ class Instructions:
         )
 
     def _pointer_to_four(self, array: tuple[Any, Any], index: Any) -> Any:
-        return self.builder.bitcast(self._pointer(array, index), NUMBERS.as_pointer())
+        return self.builder.bitcast(self._pointer(array, index), VECTOR_TYPE.as_pointer())
 
     def _shuffle(self, first: Any, second: Any, *order: int) -> Any:
         indices = ir.Constant(ir.VectorType(ir.IntType(32), VECTOR), list(order))
@@ -133,12 +134,12 @@ def _gather_moves(typing_context, bodies, pair, motion, moves, lane):  # type: i
         bodies, (_, pair), motion, moves, (_, lane) = zip(signature.args, arguments, strict=True)
         differences, sums = [], []
         for k in range(VECTOR):
-            first = code.sum(builder.add(pair, lane), k)
-            a, b = (code.load(bodies, index, types.uint64) for index in (first, code.sum(first, LANES)))
+            first = code.plus(builder.add(pair, lane), k)
+            a, b = (code.load(bodies, index, types.uint64) for index in (first, code.plus(first, LANES)))
             differences.append(builder.fsub(code.load_four(motion, a), code.load_four(motion, b)))
-            sums.append(builder.fadd(*(code.load_four(motion, code.sum(ball, VECTOR)) for ball in (a, b))))
+            sums.append(builder.fadd(*(code.load_four(motion, code.plus(ball, VECTOR)) for ball in (a, b))))
         for k, row in enumerate(code.transpose(differences)[:3] + code.transpose(sums)[:3]):
-            code.store_four(row, moves, code.sum(lane, LANES * k))
+            code.store_four(row, moves, code.plus(lane, LANES * k))
         return context.get_dummy_value()
 
     return types.void(bodies, types.uint64, motion, moves, types.uint64), generate
@@ -150,21 +151,21 @@ def _scatter_moves(skips_idle: bool) -> Callable[..., Any]:
             code = Instructions(context, builder)
             operands = zip(signature.args, arguments, strict=True)
             bodies, (_, pair), records, (_, masses), moves, motion, (_, lane), (_, idle) = operands
-            rows = [code.load_four(moves, code.sum(lane, LANES * k)) for k in range(6)]
+            rows = [code.load_four(moves, code.plus(lane, LANES * k)) for k in range(6)]
             pushes, torques = code.transpose(rows[:3]), code.transpose(rows[3:])
 
             def move(ball: Any, mass: Any, k: int, combine: Any) -> None:
                 """Add P/m to v of the first ball or subtract it from v of the second; subtract (n × P)/m from τ."""
                 for index, change, add in (
                     (ball, pushes[k], combine),
-                    (code.sum(ball, VECTOR), torques[k], builder.fsub),
+                    (code.plus(ball, VECTOR), torques[k], builder.fsub),
                 ):
                     product = code.multiply(mass, change)
                     code.store_four(add(code.load_four(motion, index), product, flags=CONTRACT), motion, index)
 
             for k in range(VECTOR):
                 for first_lane, combine in ((k, builder.fadd), (LANES + k, builder.fsub)):
-                    position = code.sum(lane, first_lane)
+                    position = code.plus(lane, first_lane)
                     ball = code.load(bodies, builder.add(pair, position), types.uint64)
                     mass = code.load(records, builder.add(masses, position), types.float64)
                     if skips_idle:
@@ -186,15 +187,15 @@ def _gather_chunks(typing_context, axes, bodies, position, velocity, gathered, b
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         code = Instructions(context, builder)
         _, bodies, (_, position), velocity, gathered, (_, begin) = zip(signature.args, arguments, strict=True)
-        chunks = [code.load(bodies, code.sum(position, k), types.uint64) for k in range(VECTOR)]
+        chunks = [code.load(bodies, code.plus(position, k), types.uint64) for k in range(VECTOR)]
         rows: dict[int, Any] = {}
         for offset in offsets:
-            columns = code.transpose([code.load_four(velocity, code.sum(chunk, offset)) for chunk in chunks])
+            columns = code.transpose([code.load_four(velocity, code.plus(chunk, offset)) for chunk in chunks])
             rows |= {offset + k: column for k, column in enumerate(columns)}
         for axis in range(length) if not offsets else ():
-            rows[axis] = code.vector([code.load(velocity, code.sum(chunk, axis), types.float64) for chunk in chunks])
+            rows[axis] = code.vector([code.load(velocity, code.plus(chunk, axis), types.float64) for chunk in chunks])
         for axis in range(length):
-            code.store_four(rows[axis], gathered, code.sum(begin, LANES * axis))
+            code.store_four(rows[axis], gathered, code.plus(begin, LANES * axis))
         return context.get_dummy_value()
 
     return types.void(axes, bodies, types.uint64, velocity, gathered, types.uint64), generate
@@ -208,17 +209,17 @@ def _scatter_chunks(skips_idle: bool) -> Callable[..., Any]:
             code = Instructions(context, builder)
             operands = zip(signature.args, arguments, strict=True)
             _, bodies, (_, position), scattered, (_, begin), velocity, (_, idle) = operands
-            rows = [code.load_four(scattered, code.sum(begin, LANES * axis)) for axis in range(len(axes))]
+            rows = [code.load_four(scattered, code.plus(begin, LANES * axis)) for axis in range(len(axes))]
             columns = [code.transpose(rows[offset : offset + VECTOR]) for offset in offsets]
 
             def write(chunk: Any, k: int) -> None:
                 for offset, numbers in zip(offsets, columns, strict=True):
-                    code.store_four(numbers[k], velocity, code.sum(chunk, offset))
+                    code.store_four(numbers[k], velocity, code.plus(chunk, offset))
                 for axis, row in enumerate(rows) if not offsets else ():
-                    code.store(row, k, velocity, code.sum(chunk, axis))
+                    code.store_lane(row, k, velocity, code.plus(chunk, axis))
 
             for k in range(VECTOR):
-                chunk = code.load(bodies, code.sum(position, k), types.uint64)
+                chunk = code.load(bodies, code.plus(position, k), types.uint64)
                 if skips_idle:
                     with builder.if_then(builder.icmp_unsigned("!=", chunk, idle)):
                         write(chunk, k)
@@ -237,13 +238,55 @@ def _offsets(length: int) -> tuple[int, ...]:
     return (*range(0, length - VECTOR, VECTOR), length - VECTOR) if length >= VECTOR else ()
 
 
-_gather_four_moves: Any = intrinsic(_gather_moves)
-_scatter_four_moves: Any = intrinsic(_scatter_moves(skips_idle=False))
-_scatter_four_moves_but_idle: Any = intrinsic(_scatter_moves(skips_idle=True))
+def _gather_moves_in_python(bodies, pair, motion, moves, lane):  # type: ignore[no-untyped-def]
+    for k in range(int(lane), int(lane) + VECTOR):
+        a, b = int(bodies[int(pair) + k]), int(bodies[int(pair) + LANES + k])
+        for axis in range(3):
+            moves[LANES * axis + k] = motion[a + axis] - motion[b + axis]
+            moves[LANES * (axis + 3) + k] = motion[a + VECTOR + axis] + motion[b + VECTOR + axis]
 
-_gather_four_chunks: Any = intrinsic(_gather_chunks)
-_scatter_four_chunks: Any = intrinsic(_scatter_chunks(skips_idle=False))
-_scatter_four_chunks_but_idle: Any = intrinsic(_scatter_chunks(skips_idle=True))
+
+def _scatter_moves_in_python(skips_idle: bool) -> Callable[..., Any]:
+    def scatter(bodies, pair, records, masses, moves, motion, lane, idle):  # type: ignore[no-untyped-def]
+        for k in range(int(lane), int(lane) + VECTOR):
+            for position, sign in ((k, 1.0), (LANES + k, -1.0)):
+                ball, mass = int(bodies[int(pair) + position]), float(records[int(masses) + position])
+                for axis in range(3) if not (skips_idle and ball == idle) else ():
+                    motion[ball + axis] += sign * mass * moves[LANES * axis + k]
+                    motion[ball + VECTOR + axis] -= mass * moves[LANES * (axis + 3) + k]
+
+    return scatter
+
+
+def _gather_chunks_in_python(axes, bodies, position, velocity, gathered, begin):  # type: ignore[no-untyped-def]
+    for k in range(VECTOR):
+        chunk = int(bodies[int(position) + k])
+        for axis in range(len(axes)):
+            gathered[int(begin) + LANES * axis + k] = velocity[chunk + axis]
+
+
+def _scatter_chunks_in_python(skips_idle: bool) -> Callable[..., Any]:
+    def scatter(axes, bodies, position, scattered, begin, velocity, idle):  # type: ignore[no-untyped-def]
+        for k in range(VECTOR):
+            chunk = int(bodies[int(position) + k])
+            for axis in range(len(axes)) if not (skips_idle and chunk == idle) else ():
+                velocity[chunk + axis] = scattered[int(begin) + LANES * axis + k]
+
+    return scatter
+
+
+_IS_PYTHON = bool(getattr(config, "DISABLE_JIT", 0))
+
+_gather_four_moves: Any = _gather_moves_in_python if _IS_PYTHON else intrinsic(_gather_moves)
+_gather_four_chunks: Any = _gather_chunks_in_python if _IS_PYTHON else intrinsic(_gather_chunks)
+_scatter_four_moves, _scatter_four_moves_but_idle = (
+    _scatter_moves_in_python(skips_idle) if _IS_PYTHON else intrinsic(_scatter_moves(skips_idle))
+    for skips_idle in (False, True)
+)
+_scatter_four_chunks, _scatter_four_chunks_but_idle = (
+    _scatter_chunks_in_python(skips_idle) if _IS_PYTHON else intrinsic(_scatter_chunks(skips_idle))
+    for skips_idle in (False, True)
+)
 
 
 @njit(cache=True, inline="always")

@@ -1,19 +1,24 @@
 """Vectors read and write the same numbers as loops over lanes."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numba import njit, uint64
 from proxbench.solvers.sweeps.batches.lanes import (
     BALL_LENGTH,
     LANES,
-    cache_lines,
-    copy_of_lines,
+    aligned_copy,
     gather_chunks,
     gather_moves,
     scatter_chunks,
     scatter_chunks_but_idle,
     scatter_moves,
     scatter_moves_but_idle,
+    zeros_for_balls,
 )
 
 PAIR = 2 * LANES
@@ -77,7 +82,7 @@ def test_balls_move_by_the_impulses_of_their_contacts(dtype: type, writes_idle: 
     """The velocities of the idle ball change only if it is written to, because its inverse mass is not zero here."""
     rng, n_balls, masses = np.random.default_rng(3), 50, 5
     bodies = pairs_of_bodies(rng, n_balls, BALL_LENGTH).astype(np.uint32)
-    motion = cache_lines(n_balls + 1)
+    motion = zeros_for_balls(n_balls + 1)
     motion[:] = rng.normal(size=len(motion))
     rows = motion.reshape(-1, BALL_LENGTH)
     rows[:, [3, 7]] = 0.0
@@ -102,11 +107,33 @@ def test_balls_move_by_the_impulses_of_their_contacts(dtype: type, writes_idle: 
 
 
 @pytest.mark.parametrize("count", [1, 7, 100, 10_000])
-def test_each_ball_occupies_one_cache_line(count: int) -> None:
-    motion = cache_lines(count)
+def test_each_ball_begins_at_a_multiple_of_64_bytes(count: int) -> None:
+    motion = zeros_for_balls(count)
     motion[:] = np.arange(len(motion))
-    copy = copy_of_lines(motion)
+    copy = aligned_copy(motion)
     for numbers in (motion, copy):
         assert numbers.ctypes.data % (8 * BALL_LENGTH) == 0
         assert np.array_equal(numbers, np.arange(BALL_LENGTH * count))
     assert not np.shares_memory(motion, copy)
+
+
+@pytest.mark.parametrize("over", ["balls", "pieces"])
+def test_sweeps_in_python_give_the_iterates_of_compiled_sweeps(over: str) -> None:
+    """They differ by rounding, because Python does not fuse products and sums."""
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "from test_balls import heap, over_pieces\n"
+        "from proxbench.solvers import Stop, create\n"
+        "problem = heap(1) if sys.argv[2] == 'balls' else over_pieces(heap(1))\n"
+        "prepared = create('SORprox', form='factors', momentum=0.5).prepare(problem)\n"
+        "assert type(prepared.begin(0.0 * problem.free_velocity)).__name__ in ('BallIterates', 'BatchIterates')\n"
+        "print(*map(repr, prepared.solve(Stop(1e-16, 3)).impulses.tolist()))\n"
+    )
+
+    def impulses(is_python: str) -> np.ndarray:
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": is_python}
+        command = [sys.executable, "-c", code, str(Path(__file__).parent), over]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        return np.array(done.stdout.split(), dtype=float)
+
+    assert impulses("1") == pytest.approx(impulses("0"), rel=1e-12, abs=1e-14)
