@@ -19,7 +19,7 @@ from numba import njit
 
 from ....problems.arrays import IntArray
 from ....problems.contact.matrices.pieces import Pieces
-from ...sweeps.batches.pieces import LANES
+from ...sweeps.batches.lanes import LANES
 
 MIN_SLAB = 256
 """Minimum number of contacts of each slab except the last; batches of smaller slabs have more empty lanes."""

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems.contact.matrices.pieces import Pieces
 from proxbench.solvers.prox.parallel.slabs import MIN_SLAB, Slabs, divide_into_slabs
-from proxbench.solvers.sweeps.batches.pieces import LANES
+from proxbench.solvers.sweeps.batches.lanes import LANES
 
 
 def graph(pairs: np.ndarray, n_bodies: int) -> Pieces:

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, load
 from proxbench.problems.contact.matrices.pieces import Pieces
 from proxbench.solvers import Stop, create
-from proxbench.solvers.sweeps.batches.pieces import LANES, assign_batches, sweep_batches
+from proxbench.solvers.sweeps.batches.lanes import LANES
+from proxbench.solvers.sweeps.batches.pieces import assign_batches, sweep_batches
 from proxbench.solvers.sweeps.factors import FactorSweep
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
