@@ -182,7 +182,7 @@ class BallIterates(MomentumState, WindowedIterates):
         arrays = (self._impulses, self._motion, self._change, self._previous_motion)
         momentum = self._momentum, self._delay, self._sweeps, self._beta
         data = sweep.bodies, sweep.records, sweep.balls.spin_ratio
-        scales: tuple[Any, ...] = (np.array(counts), *map(float, limits), residual.scale)
+        scales = np.array(counts), float(limits[0]), float(limits[1]), residual.scale
         n_checks, self._beta = sweep_window(*scales, *data, *arrays, *momentum, self._weights, best, residuals)
         self.count_window(counts[:n_checks], residuals[: n_checks - 1])
         last = float(residuals[n_checks - 1])
