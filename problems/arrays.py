@@ -1,5 +1,6 @@
 """Array types, read-only copies, and sparse matrices as labelled arrays."""
 
+import contextlib
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -59,8 +60,12 @@ def finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
 
 def check_number(name: str, value: object, lowest: float = -MAX_DOUBLE) -> None:
     """Raise ``ProblemError`` unless ``value``, called ``name``, is a real number, finite and at least ``lowest``."""
-    if not isinstance(value, int | float | np.integer | np.floating) or not lowest <= value <= MAX_DOUBLE:
-        requirement = "finite and not negative" if lowest == 0.0 else "finite"
+    number = np.nan
+    if isinstance(value, int | float | np.integer | np.floating):
+        with contextlib.suppress(OverflowError):  # of an integer
+            number = float(value)
+    if not lowest <= number <= MAX_DOUBLE:
+        requirement = "a finite number that is not negative" if lowest == 0.0 else "a finite number"
         raise ProblemError(f"{name} must be {requirement}, got {value!r:.60}.")
 
 
