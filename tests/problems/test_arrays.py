@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, ProblemError, judge
-from proxbench.problems.arrays import frozen
+from proxbench.problems.arrays import check_number, frozen
 
 
 @pytest.mark.parametrize("value", [256, -129, 0.7, np.nan, np.inf])
@@ -41,3 +41,18 @@ def test_whole_numbers_of_any_real_type_become_integers() -> None:
         array = frozen(values, np.int8)
         assert array.dtype == np.int8
         assert array.tolist() == np.asarray(values).astype(int).tolist()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [9.81, 3, 10**300, np.float32(9.81), np.float16(1e4), np.longdouble(2.0), np.int8(1)])
+def test_a_finite_number_of_any_real_type_is_accepted(value: object) -> None:
+    check_number("mass", value)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "value", [np.inf, -np.inf, np.nan, np.float32("inf"), np.float32("-inf"), np.float32("nan"), 10**400, "1", 1j, None]
+)
+def test_what_is_not_a_finite_number_is_refused(value: object) -> None:
+    with pytest.raises(ProblemError, match="mass must be a finite number, got"):
+        check_number("mass", value)
