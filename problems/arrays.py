@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from itertools import chain
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,7 @@ from .errors import ProblemError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 MAX_DOUBLE = sys.float_info.max
 """Largest finite number of double precision."""
@@ -148,6 +149,12 @@ def read_only(*arrays: NDArray[Any]) -> None:
     """Make arrays read-only."""
     for array in arrays:
         array.setflags(write=False)
+
+
+def sealed(array: NDArray[Scalar]) -> NDArray[Scalar]:
+    """Return a new array, after making it read-only."""
+    read_only(array)
+    return array
 
 
 @dataclass(frozen=True, eq=False)
