@@ -244,7 +244,7 @@ def study(
     methods: Mapping[str, Sequence[float]] | None = None,
     tolerance: float = 1e-12,
     duration: float | None = None,
-    members: Sequence[float] | None = None,
+    members: Iterable[float] | None = None,
     start: str = DEFAULT_START,
 ) -> Run:
     """Measure wall time against the accuracy of a motion, over steps, tolerances, steppers and solvers.

@@ -1,9 +1,11 @@
 """Array types, read-only copies, and sparse matrices as labelled arrays."""
 
+import contextlib
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from itertools import chain
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,12 +14,19 @@ from .errors import ProblemError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 MAX_DOUBLE = sys.float_info.max
 """Largest finite number of double precision."""
 
-MAX_ROWS = 2**31
-"""Exclusive bound of the number of rows, which 32-bit indices of matrices can number."""
+MAX_ROWS = 2**31 - 1
+"""Largest number of rows; 32-bit indices of matrices can number them."""
+
+MAX_DEPTH = 3
+"""Largest depth of nested lists in which masked entries are searched."""
+
+NUMBER_TYPES = {int, float, np.float64}
+"""Usual types of the items of lists of numbers, which contain no masked entries."""
 
 
 def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
@@ -59,22 +68,55 @@ def finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
 
 def check_number(name: str, value: object, lowest: float = -MAX_DOUBLE) -> None:
     """Raise ``ProblemError`` unless ``value``, called ``name``, is a real number, finite and at least ``lowest``."""
-    if not isinstance(value, int | float | np.integer | np.floating) or not lowest <= value <= MAX_DOUBLE:
-        requirement = "finite and not negative" if lowest == 0.0 else "finite"
+    number = np.nan
+    if isinstance(value, int | float | np.integer | np.floating):
+        with contextlib.suppress(OverflowError):  # of an integer
+            number = float(value)
+    if not lowest <= number <= MAX_DOUBLE:
+        requirement = "a finite number that is not negative" if lowest == 0.0 else "a finite number"
         raise ProblemError(f"{name} must be {requirement}, got {value!r:.60}.")
 
 
 def check_count(name: str, value: object) -> None:
     """Raise ``ProblemError`` unless ``value``, called ``name``, is a number of rows or contacts."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 0 <= value < MAX_ROWS:
-        raise ProblemError(f"{name} must be a whole number from 0 to {MAX_ROWS - 1}, got {value!r:.60}.")
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 0 <= value <= MAX_ROWS:
+        raise ProblemError(f"{name} must be a whole number from 0 to {MAX_ROWS}, got {value!r:.60}.")
 
 
 def check_no_mask(values: object, name: str) -> None:
-    """Raise ``ProblemError`` if an entry of ``values``, called ``name``, is masked: its number would be used anyway."""
-    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
-        entry = ", ".join(map(str, np.argwhere(np.ma.getmaskarray(values))[0]))
-        raise ProblemError(f"{name}[{entry}] is masked; fill it with a number, as by values.filled(0.0), or omit it.")
+    """Raise ``ProblemError`` if an entry of ``values``, called ``name``, is masked, in an array or a nested list."""
+    if isinstance(values, list | tuple):
+        entry = _first_masked(values, MAX_DEPTH) if _may_be_masked(values) else None
+    else:
+        entry = _first_masked(values, 0)
+    if entry is not None:  # NumPy would use the number behind the mask
+        place = f"{name}[{', '.join(map(str, entry))}]" if entry else name
+        raise ProblemError(f"{place} is masked; fill it with a number, as by values.filled(0.0), or omit it.")
+
+
+def _may_be_masked(values: Iterable[object]) -> bool:
+    """Return whether a nested list contains a masked array, at the cost of reading the types of its items."""
+    for _ in range(MAX_DEPTH):
+        kinds = set(map(type, values := list(values)))
+        if kinds <= NUMBER_TYPES:
+            return False
+        if any(issubclass(kind, np.ma.MaskedArray) for kind in kinds):
+            return True
+        if not any(issubclass(kind, list | tuple) for kind in kinds):
+            return False
+        values = chain.from_iterable(value for value in values if isinstance(value, list | tuple))
+    return False
+
+
+def _first_masked(values: object, depth: int) -> tuple[int, ...] | None:
+    """Return the index of the first masked entry of an array, or of lists within lists down to a depth, or None."""
+    if isinstance(values, np.ma.MaskedArray):
+        return tuple(map(int, np.argwhere(np.ma.getmaskarray(values))[0])) if np.ma.is_masked(values) else None
+    for index, value in enumerate(values if depth > 0 and isinstance(values, list | tuple) else ()):
+        entry = _first_masked(value, depth - 1)
+        if entry is not None:
+            return index, *entry
+    return None
 
 
 def frozen(values: ArrayLike, dtype: Any, name: str = "values") -> NDArray[Any]:
@@ -107,6 +149,12 @@ def read_only(*arrays: NDArray[Any]) -> None:
     """Make arrays read-only."""
     for array in arrays:
         array.setflags(write=False)
+
+
+def sealed(array: NDArray[Scalar]) -> NDArray[Scalar]:
+    """Return a new array, after making it read-only."""
+    read_only(array)
+    return array
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,7 +58,7 @@ def changed_limits(
     """Return ``limits``, or the default ones, with those other arguments that are not None.
 
     Raises:
-        BenchError: if ``limits`` are no limits, or a change is not a positive, finite number.
+        BenchError: if ``limits`` is not a ``Limits``, or a change is not a positive, finite number.
     """
     given: object = limits
     if given is not None and not isinstance(given, Limits):
@@ -179,8 +179,8 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
         reference: method that simulates the reference, with one value; None if the end of the motion is known.
         known: the simulated part of the reference, or the known end.
         scale: scale by which differences from the known end are divided.
-        displacement: largest displacement of a coordinate from the start at any time of the reference [m], stored as
-            "way"; None if unknown.
+        displacement: largest change of a coordinate from the start at any time of the reference [m; 1 for
+            quaternions], stored as "way"; None if unknown.
 
     Raises:
         ValueError: if members of the reference have values of different names.
@@ -209,7 +209,8 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
         methods: the steppers with solvers; empty in a run over contact problems.
         trajectories: the problems of a run over trajectories.
         suite: name of the suite; empty if the problems were named.
-        requested: the suite, or problems, files and folders, as given; empty in a run that is merged from several.
+        requested: the suite, or problems, files and folders, as given; empty if unknown, in a study, and in a run that
+            is merged from different selections.
         sample: number of drawn problems; None if all were taken.
         sampling: how the sample was divided among families.
         families: family of each problem, by name.

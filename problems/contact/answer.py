@@ -49,7 +49,7 @@ class Answer(ReadOnlyRecord):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, _known(getattr(self, name), name))
         sensitivity: object = self.sensitivity
-        if not isinstance(sensitivity, int | float | np.number) or not 0.0 < sensitivity < np.inf:
+        if not isinstance(sensitivity, int | float | np.integer | np.floating) or not 0.0 < sensitivity < np.inf:
             raise ProblemError(f"answer.sensitivity must be a positive, finite number, got {sensitivity!r:.60}.")
 
     def check(self, n_rows: int) -> None:

@@ -19,7 +19,7 @@ so that Λ lies in both cones, ‖Λ_T‖ ≤ μ Λ_N and ‖Λ_R‖ ≤ μ_r Λ
 resistance as a cone complementarity problem*).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property, lru_cache
@@ -28,9 +28,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import FloatArray, IntArray, ReadOnlyRecord, check_count, frozen, read_only
+from ..arrays import FloatArray, IntArray, ReadOnlyRecord, check_count, frozen, sealed
 from ..errors import ProblemError
 from ..representation import html_table
+from .matrices.memory import require_memory
 
 
 class LawKind(IntEnum):
@@ -74,6 +75,9 @@ _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind
 
 MAX_CACHED_CONTACTS = 64
 """Largest number of contacts of equal friction whose laws are cached."""
+
+BYTES_PER_LAW = 90.0
+"""Memory that is needed at least to make a law."""
 
 _KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.description})" for kind in LawKind)
 """The valid kinds, for an error message."""
@@ -155,40 +159,32 @@ class Laws(ReadOnlyRecord):
     @cached_property
     def sets(self) -> NDArray[np.int8]:
         """``ConvexSet`` of each law, shape (n_laws,); a ball of one row is an interval, of two a disc."""
-        sets = SET_OF_KIND.take(self.kind)
-        read_only(sets)
-        return sets
+        return sealed(SET_OF_KIND.take(self.kind))
 
     @cached_property
     def row_count(self) -> IntArray:
         """Number of rows of each law, shape (n_laws,)."""
-        count = ROWS_OF_KIND.take(self.kind)
-        read_only(count)
-        return count
+        return sealed(ROWS_OF_KIND.take(self.kind))
 
     @cached_property
     def is_friction(self) -> NDArray[np.bool_]:
         """True for friction laws, sliding and rolling, shape (n_laws,)."""
-        mask: NDArray[np.bool_] = (self.kind != _UNILATERAL) & (self.kind != _BILATERAL)
-        return mask
+        return sealed((self.kind != _UNILATERAL) & (self.kind != _BILATERAL))
 
     @cached_property
     def is_rolling(self) -> NDArray[np.bool_]:
         """True for rolling friction, shape (n_laws,)."""
-        mask: NDArray[np.bool_] = self.kind >= _PLANAR_ROLLING
-        return mask
+        return sealed(self.kind >= _PLANAR_ROLLING)
 
     @cached_property
     def is_unilateral(self) -> NDArray[np.bool_]:
         """True for unilateral laws, shape (n_laws,)."""
-        mask: NDArray[np.bool_] = self.kind == _UNILATERAL
-        return mask
+        return sealed(self.kind == _UNILATERAL)
 
     @cached_property
     def is_bilateral(self) -> NDArray[np.bool_]:
         """True for bilateral laws, shape (n_laws,)."""
-        mask: NDArray[np.bool_] = self.kind == _BILATERAL
-        return mask
+        return sealed(self.kind == _BILATERAL)
 
     def friction_bounds(self, impulses: FloatArray) -> FloatArray:
         """Return the friction bound a + μ max(Λ_partner, 0) of every law [N s; N m s for rolling], shape (n_laws,)."""
@@ -303,23 +299,26 @@ class Laws(ReadOnlyRecord):
             raise ProblemError(
                 f"friction must be one number or have shape ({n_contacts},), got shape {shape}."
             ) from None
-        invalid = np.flatnonzero(~(np.isfinite(coefficient) & (coefficient >= 0)))
+        given = mu.ravel()[:n_contacts]
+        invalid = np.flatnonzero(~(np.isfinite(given) & (given >= 0)))
         if len(invalid):
-            raise ProblemError(f"friction[{invalid[0]}] = {coefficient[invalid[0]]} must be finite and not negative.")
+            raise ProblemError(f"friction[{invalid[0]}] = {given[invalid[0]]} must be finite and not negative.")
         return _laws_of_contacts(coefficient, dim)
 
     @staticmethod
     def joints(n_rows: int) -> "Laws":
         """Return ``n_rows`` bilateral laws, one for each row of the joints."""
         check_count("n_rows", n_rows)
+        require_memory(BYTES_PER_LAW * n_rows, f"the laws of {n_rows:,} rows of joints", "make fewer joints")
         zeros = np.zeros(n_rows)
         return Laws.in_order(np.full(n_rows, LawKind.BILATERAL), zeros, zeros, np.full(n_rows, -1))
 
     @staticmethod
-    def concatenate(parts: Sequence["Laws"]) -> "Laws":
+    def concatenate(parts: Iterable["Laws"]) -> "Laws":
         """Return the laws of all parts, concatenated; raise ``ProblemError`` if there is no part."""
-        if not isinstance(parts, Sequence) or not parts or not all(isinstance(part, Laws) for part in parts):
-            raise ProblemError(f"Laws.concatenate takes a list of at least one Laws, got {parts!r:.60}.")
+        given, parts = parts, tuple(parts) if isinstance(parts, Iterable) else ()
+        if not parts or not all(isinstance(part, Laws) for part in parts):
+            raise ProblemError(f"Laws.concatenate takes a list of at least one Laws, got {given!r:.60}.")
         first = np.cumsum([0, *(part.n_laws for part in parts)])
         partners = [
             np.where(part.partner >= 0, part.partner + offset, -1) for part, offset in zip(parts, first, strict=False)
@@ -368,6 +367,8 @@ class Laws(ReadOnlyRecord):
 def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
     """Return one contact for each μ, with rows N (dim 1), N, T (dim 2) or N, T1, T2 (dim 3)."""
     n_contacts = len(coefficient)
+    n_laws = n_contacts if dim == 1 else 2 * n_contacts
+    require_memory(BYTES_PER_LAW * n_laws, f"the laws of {n_contacts:,} contacts", "make fewer contacts")
     zeros, none = np.zeros(n_contacts), np.full(n_contacts, -1)
     if dim == 1:
         return Laws.in_order(np.zeros(n_contacts, dtype=np.int8), zeros, zeros, none)
@@ -389,7 +390,7 @@ _few_equal_laws = lru_cache(maxsize=256)(_equal_laws)
 @lru_cache(maxsize=16)
 def _many_equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
     """Return contacts of one μ, the same object for the same arguments."""
-    return _laws_of_contacts(np.full(n_contacts, friction), dim)
+    return _laws_of_contacts(np.broadcast_to(friction, n_contacts), dim)
 
 
 def _require(holds: NDArray[np.bool_], field: str, values: NDArray[Any], requirement: str) -> None:

@@ -31,7 +31,7 @@ def project(laws: Laws, impulses: ArrayLike) -> FloatArray:
         The projected Λ [N s], a new array of shape (n_rows,).
 
     Raises:
-        ProblemError: if ``laws`` are not laws, or ``impulses`` has the wrong shape or is not made of real numbers.
+        ProblemError: if ``laws`` is not a ``Laws``, or ``impulses`` has the wrong shape or is not made of real numbers.
     """
     first: object = laws
     if not isinstance(first, Laws):

@@ -34,7 +34,7 @@ def family_of(problem: str | ContactProblem) -> str:
 
 
 def check_sampling(count: object, sampling: object) -> None:
-    """Raise ``ProblemError`` if the size of a sample is neither None nor a positive integer, or its kind is unknown."""
+    """Raise ``ProblemError`` unless the size is None or an integer from 1 to 2**63 − 1, and the kind is known."""
     if not isinstance(sampling, str) or sampling not in get_args(Sampling):
         raise ProblemError(f"`sampling` {sampling!r:.60} is unknown{suggestion(str(sampling), get_args(Sampling))}")
     if count is None:

@@ -177,22 +177,23 @@ class CvxpyProgram:
             options[names.iteration_limit] = max(1, min(MAX_SOLVER_ITERATIONS, max_iterations))
         if names.time_limit:
             options[names.time_limit] = max(max_seconds, 1e-3)
-        start_time = time.perf_counter()
+        failure, start_time = np.full(self._problem.n_rows, np.nan), time.perf_counter()
+        linear = velocity * (self._scaling.impulse / self._scaling.energy)
+        if not np.isfinite(linear).all():
+            return ConicResult(failure, 1, time.perf_counter() - start_time, ConicStatus.GAVE_UP)
+        self._linear.value = linear
         try:
-            self._linear.value = velocity * (self._scaling.impulse / self._scaling.energy)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # warnings report inaccuracy, which the judge measures
                 self._program.solve(solver=self._solver, warm_start=False, **options)
-            status = {cp.OPTIMAL: ConicStatus.CONVERGED, cp.UNBOUNDED: ConicStatus.UNBOUNDED}.get(
-                self._program.status, ConicStatus.GAVE_UP
-            )
-        except (cp.error.SolverError, ValueError):  # a ValueError reports numbers that are not finite
-            status = ConicStatus.GAVE_UP
+        except cp.error.SolverError:  # the program keeps the values of the run before
+            return ConicResult(failure, 1, time.perf_counter() - start_time, ConicStatus.GAVE_UP)
         elapsed = time.perf_counter() - start_time
+        status = {cp.OPTIMAL: ConicStatus.CONVERGED, cp.UNBOUNDED: ConicStatus.UNBOUNDED}.get(
+            self._program.status, ConicStatus.GAVE_UP
+        )
         scaled_impulses = self._impulses.value
-        impulses = np.full(self._problem.n_rows, np.nan)
-        if scaled_impulses is not None:
-            impulses = self._scaling.impulse * scaled_impulses
+        impulses = failure if scaled_impulses is None else self._scaling.impulse * scaled_impulses
         stats = self._program.solver_stats
         n_iterations = getattr(stats, "num_iters", None) if stats is not None else None
         return ConicResult(impulses, int(n_iterations or 1), elapsed, status)

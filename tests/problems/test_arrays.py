@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, ProblemError, judge
-from proxbench.problems.arrays import frozen
+from proxbench.problems.arrays import check_number, frozen
 
 
 @pytest.mark.parametrize("value", [256, -129, 0.7, np.nan, np.inf])
@@ -26,6 +26,33 @@ def test_a_masked_entry_is_refused_because_its_number_would_be_used(place: str) 
         solved(**masked)
 
 
+@pytest.mark.parametrize(
+    ("values", "place"),
+    [
+        (np.ma.masked, "G"),
+        (np.ma.masked_array(0.5, mask=True), "G"),
+        ([1.0, np.ma.masked], r"G\[1\]"),
+        ((np.zeros(2), np.ma.masked_array([1.0, 2.0], mask=[False, True])), r"G\[1, 1\]"),
+        ([[[1.0]], [[np.ma.masked]]], r"G\[1, 0, 0\]"),
+    ],
+)
+def test_a_masked_entry_in_a_list_or_alone_is_refused(values: Any, place: str) -> None:
+    with pytest.raises(ProblemError, match=rf"^{place} is masked; fill it with a number"):
+        frozen(values, np.float64, "G")
+
+
+def test_arrays_with_masks_that_mask_nothing_are_accepted_in_lists() -> None:
+    rows = [np.ma.masked_array([1.0, 2.0], mask=[False, False]), [3.0, 4.0]]
+    assert frozen(rows, np.float64).tolist() == [[1.0, 2.0], [3.0, 4.0]]
+
+
+def test_a_list_that_contains_itself_is_refused() -> None:
+    values: list[Any] = [1.0]
+    values.append(values)
+    with pytest.raises(ProblemError, match="must be an array of real numbers"):
+        frozen(values, np.float64)
+
+
 def solved(**values: Any) -> None:
     """Make both forms of a problem, and judge impulses."""
     c, friction = values["c"], values["friction"]
@@ -41,3 +68,18 @@ def test_whole_numbers_of_any_real_type_become_integers() -> None:
         array = frozen(values, np.int8)
         assert array.dtype == np.int8
         assert array.tolist() == np.asarray(values).astype(int).tolist()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("value", [9.81, 3, 10**300, np.float32(9.81), np.float16(1e4), np.longdouble(2.0), np.int8(1)])
+def test_a_finite_number_of_any_real_type_is_accepted(value: object) -> None:
+    check_number("mass", value)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "value", [np.inf, -np.inf, np.nan, np.float32("inf"), np.float32("-inf"), np.float32("nan"), 10**400, "1", 1j, None]
+)
+def test_what_is_not_a_finite_number_is_refused(value: object) -> None:
+    with pytest.raises(ProblemError, match="mass must be a finite number, got"):
+        check_number("mass", value)

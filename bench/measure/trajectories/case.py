@@ -32,7 +32,7 @@ class SimulationRound(TimedRound, frozen=True, kw_only=True):
         unsolved: number of steps that are not solved to the tolerance, as judged.
         overlapping: number of steps after which the projection of positions leaves deeper overlaps than its tolerance.
         values: final values by name; empty if the simulation is incomplete.
-        displacement: largest displacement of a coordinate from the start at any time [m]; 0 if it is incomplete.
+        displacement: largest change of a coordinate from the start at any time [m; 1 for quaternions]; 0 if incomplete.
     """
 
     steps: Count

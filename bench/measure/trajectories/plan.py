@@ -1,8 +1,10 @@
 """The plan of a study: a scene, methods with their ladders, and limits, validated before the study starts."""
 
+import contextlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
+from typing import Any
 
 from msgspec.structs import replace
 
@@ -43,7 +45,7 @@ def make_study_plan(
     methods: Mapping[str, Sequence[float]] | None = None,
     tolerance: float = 1e-12,
     duration: float | None = None,
-    members: Sequence[float] | None = None,
+    members: Iterable[float] | None = None,
     limits: Limits | None = None,
     start: str = DEFAULT_START,
 ) -> Plan[Method]:
@@ -98,13 +100,22 @@ def _is_factor(member: float) -> bool:
     return 0.0 < member < math.inf
 
 
-def _trajectory(scene: str, duration: float | None, members: Sequence[float] | None) -> tuple[TrajectoryRecord, Scene]:
+def _numbers(members: object) -> tuple[float, ...]:
+    """Return the members of a study; raise ``BenchError`` unless they are real numbers."""
+    numbers: tuple[Any, ...] | None = None
+    if isinstance(members, Iterable) and not isinstance(members, Mapping):
+        with contextlib.suppress(TypeError):  # an array without axes is not iterable
+            numbers = tuple(members)
+    if numbers is None or not all(isinstance(one, Real) and not isinstance(one, bool) for one in numbers):
+        raise BenchError(f"`members` must be a list of numbers, got {members!r:.60}.")
+    return numbers
+
+
+def _trajectory(scene: str, duration: float | None, members: Iterable[float] | None) -> tuple[TrajectoryRecord, Scene]:
     """Return the record of a trajectory, before its reference is simulated, and the scene."""
     if duration is not None:
         require_number("duration", duration)
-    is_list = members is None or isinstance(members, Iterable)
-    if not is_list or not all(isinstance(member, Real) for member in (() if members is None else members)):
-        raise BenchError(f"`members` must be a list of numbers, got {members!r:.60}.")
+    members = None if members is None else _numbers(members)
     plain, options = parse_scene(scene)
     study = SCENES[plain].study if plain in SCENES else StudyDefaults()
     is_cycle = study.is_limit_cycle and duration is None and {**study.options, **options} == study.options

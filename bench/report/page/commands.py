@@ -17,7 +17,7 @@ def repeat_command(run: RunRecord) -> str:
         selection = [option("suite" if plan.suite else "problem", name) for name in plan.requested]
         selection += sample_options(plan.sample, plan.sampling)
         selection += [option("shard", plan.shard)] if plan.shard else []
-    else:  # the run is merged from several, so that no selection is known
+    else:  # the selection is unknown, or the run is merged from different ones
         selection = [option("problem", name) for name in plan.problems]
     solvers = [option("solver", name) for name in plan.solvers]
     return LINE_BREAK.join(["proxbench run", *selection, *solvers, protocol_options(run)])
@@ -62,6 +62,6 @@ def option(name: str, value: object) -> str:
 
 
 def shortest(value: float) -> str:
-    """Return the shortest text that is read as ``value``."""
+    """Return a text that is read as ``value``, with at most six digits if these suffice."""
     text = f"{value:g}"
     return text if float(text) == value else repr(float(value))

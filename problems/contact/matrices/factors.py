@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numba import njit
 from numpy.typing import ArrayLike
 
-from ...arrays import FloatArray, ReadOnlyRecord, frozen, read_only, real_numbers
+from ...arrays import FloatArray, ReadOnlyRecord, frozen, read_only, real_numbers, sealed
 from ...compilation.interpretation import interpretable
 from ...errors import ProblemError
 from ..blocks import BlockLayout
@@ -92,8 +92,7 @@ class InverseMass(ReadOnlyRecord):
         if (diagonal <= 0).any():
             dof = int(np.argmax(diagonal <= 0))
             raise ProblemError(f"M⁻¹[{dof}, {dof}] = {diagonal[dof]} must be positive.")
-        root: FloatArray = np.sqrt(diagonal)
-        return root
+        return sealed(np.sqrt(diagonal))
 
     @cached_property
     def root(self) -> sp.csr_array[Any]:
@@ -121,7 +120,7 @@ class InverseMass(ReadOnlyRecord):
         copy = InverseMass(self.matrix.copy(), None if self.mass is None else self.mass.copy())
         copy.__dict__["is_diagonal"] = self.is_diagonal
         if self.is_diagonal:
-            copy.__dict__["root_diagonal"] = self.root_diagonal.copy()
+            copy.__dict__["root_diagonal"] = sealed(self.root_diagonal.copy())
         else:
             copy.__dict__["root"] = self.root.copy()
         return copy
@@ -137,7 +136,7 @@ class InverseMass(ReadOnlyRecord):
         if n_dofs % length:
             return None
         if self.is_diagonal:
-            return frozen(self.root_diagonal, np.float64)
+            return self.root_diagonal
         blocks = sp.bsr_array(self.root, blocksize=(length, length))
         is_blocked = np.array_equal(blocks.indices, np.arange(n_dofs // length))
         return frozen(blocks.data, np.float64) if is_blocked else None
@@ -205,7 +204,7 @@ class Factors(ReadOnlyRecord):
                 return directions.scaled(blocks)
         if self.inverse_mass.is_diagonal:
             return cut_into_pieces(self.force_directions, self.inverse_mass.root_diagonal, layout)
-        return cut_into_pieces(self.scaled_directions, np.ones(self.n_dofs), layout)
+        return cut_into_pieces(self.scaled_directions, sealed(np.ones(self.n_dofs)), layout)
 
     @cached_property
     def scaled_directions(self) -> sp.csc_array[Any]:

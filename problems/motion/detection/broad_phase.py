@@ -66,6 +66,8 @@ class NearPairs:
 def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
     """Return all pairs i < j with ‖x_i − x_j‖ < r_i + r_j, sorted by i, then j.
 
+    Balls at positions that are not finite belong to no pair.
+
     Args:
         centres: x [m], shape (n, 2) or (n, 3).
         radii: r [m], shape (n,).
@@ -76,9 +78,14 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
     n = len(centres)
     if n < 2:
         return np.zeros((0, 2), dtype=np.int64)
-    number, extent_x, extent_y, n_cells = _cell_numbers(centres, 2.0 * radii.max())
+    width = WIDTH_MARGIN * 2.0 * radii.max()
+    number, extent_x, extent_y, n_cells = _cell_numbers(centres, width)
     if n_cells == np.inf:
-        number, extent_x, extent_y = _occupied_cell_numbers(centres, 2.0 * radii.max())
+        finite = np.flatnonzero(np.isfinite(centres).all(axis=1))
+        if len(finite) < n:
+            found: IntArray = finite[overlapping_pairs(centres[finite], radii[finite])]
+            return found
+        number, extent_x, extent_y = _occupied_cell_numbers(centres, width)
     order = _counting_sort(number, n_cells) if n_cells <= CELLS_PER_BALL * n else np.argsort(number, kind="stable")
     buffer = np.empty((USUAL_PAIRS * n, 2), dtype=np.int64)
     arguments = centres, radii, order, number, extent_x, extent_y
@@ -109,22 +116,38 @@ def near_bodies(centres: FloatArray, radii: FloatArray, n_moving: int, margin: f
 
 
 def _occupied_cell_numbers(centres: FloatArray, width: float) -> tuple[IntArray, int, int]:
-    """Return what ``_cell_numbers`` does, if the cells between balls are too many to be numbered.
+    """Return what ``_cell_numbers`` does, for finite centres between which the cells are too many to be numbered.
 
     Along each axis, any number of consecutive empty cells counts as one. The neighbours of a cell remain the same.
+    After a gap of more than ``width``, cells begin at the next ball, so that the rounding of large coordinates does
+    not separate neighbours. If the cells are still too many, pairs of consecutive ones are merged.
     """
-    cells = np.ones((len(centres), 3), dtype=np.int64)
+    cells = np.zeros((len(centres), 3), dtype=np.int64)
     for axis, coordinates in enumerate(centres.T):
-        with np.errstate(invalid="ignore"):  # coordinates that are not finite have no neighbours
-            occupied, index = np.unique(np.floor((coordinates - coordinates.min()) / width), return_inverse=True)
-            steps = np.fmin(np.diff(occupied), 2.0)
-        cells[:, axis] = 1 + np.append(0, np.cumsum(steps.astype(np.int64)))[index]
+        order = np.argsort(coordinates)
+        ordered = coordinates[order]
+        with np.errstate(over="ignore"):
+            is_first = np.append(True, np.diff(ordered) > width)
+        firsts = ordered[is_first][np.cumsum(is_first) - 1]
+        steps = np.diff(np.floor((ordered - firsts) / width), prepend=0.0)
+        cells[order, axis] = np.cumsum(np.where(is_first, 2.0, np.fmin(steps, 2.0)).astype(np.int64))
+    while np.prod(cells.max(axis=0) + 4.0) >= MAX_CELLS:
+        cells //= 2
+    cells += 1
     extent = cells.max(axis=0) + 2
     return cells[:, 0] + extent[0] * (cells[:, 1] + extent[1] * cells[:, 2]), int(extent[0]), int(extent[1])
 
 
 MAX_CELLS = 2.0**62
 """Exclusive bound of the number of cells, which 64-bit integers can number; extents of 1e6 diameters have 1e18."""
+
+MAX_EXTENT = 2.0**26
+"""Exclusive bound of the number of cells along an axis, for which coordinates relative to the lowest one are exact
+enough."""
+
+WIDTH_MARGIN = 1.0 + 2.0**-20
+"""Ratio of the width of a cell to the largest diameter. It exceeds the rounding errors of ``MAX_EXTENT`` cells, so that
+two balls that overlap are in neighbouring cells."""
 
 CELLS_PER_BALL = 64
 """Largest number of cells per ball for which balls are sorted by counting; scattered balls occupy more cells."""
@@ -168,7 +191,7 @@ def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
     """Return the number of each ball's cell, and the numbers of cells along the first two axes and in total.
 
     The numbers of cells include a margin of one empty cell on each side. The total is infinite if a centre is not
-    finite, or if the cells are too many to be numbered.
+    finite, or if the cells are too many to be numbered, in total or along an axis.
     """
     n, dim = centres.shape
     cells = np.ones((n, 3), dtype=np.int64)
@@ -178,8 +201,9 @@ def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
         if axis < dim:
             for i in range(n):
                 lowest, highest = min(lowest, centres[i, axis]), max(highest, centres[i, axis])
-            n_cells *= np.floor((highest - lowest) / width) + 3.0
-            if not n_cells < MAX_CELLS:
+            n_along = np.floor((highest - lowest) / width) + 3.0
+            n_cells *= n_along
+            if not (n_cells < MAX_CELLS and n_along < MAX_EXTENT):
                 return np.empty(n, dtype=np.int64), 0, 0, np.inf
         for i in range(n):
             if axis < dim:

@@ -28,7 +28,7 @@ class MotionRecorder:
     Attributes:
         scene: the scene.
         last: the last state.
-        displacement: the largest displacement of a coordinate from the start at any time [m].
+        displacement: the largest change of a coordinate from the start at any time [m; 1 for quaternions].
     """
 
     scene: Scene

@@ -33,3 +33,9 @@ def test_the_error_is_that_to_the_nearest_solution_or_else_of_the_known_sums() -
     assert several.impulse_error([1.0, 1.25, 1.0]) == 0.25
     assert Answer(**SUM).impulse_error([1.0, 1.5, 7.0]) == 0.5
     assert Answer().impulse_error([1.0, 1.5, 7.0]) is None
+
+
+@pytest.mark.parametrize("sensitivity", [0.0, -1.0, np.inf, np.nan, 1j, np.complex128(1.0), "1", None])
+def test_a_sensitivity_that_is_not_a_positive_finite_number_is_refused(sensitivity: Any) -> None:
+    with pytest.raises(ProblemError, match=r"answer\.sensitivity must be a positive, finite number"):
+        Answer(sensitivity=sensitivity)

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from proxbench.problems import LawKind, Laws, ProblemError
 from proxbench.problems.contact.blocks import BlockLayout, layout_of, write_layout
+from proxbench.problems.contact.matrices import memory
+from proxbench.problems.errors import InsufficientMemoryError
 
 
 def planar_contact(**changes: object) -> Laws:
@@ -47,6 +49,9 @@ def test_arrays_are_copies_and_cannot_be_written() -> None:
     assert laws.kind[1] == 1
     with pytest.raises(ValueError, match="read-only"):
         laws.friction_coefficient[1] = 9.0
+    for made in (laws, Laws.contacts(0.3, 3, 2), Laws.contacts(0.3, 3, 2).fresh()):
+        for name in ("sets", "row_count", "is_friction", "is_rolling", "is_unilateral", "is_bilateral"):
+            assert not getattr(made, name).flags.writeable, name
 
 
 @pytest.mark.parametrize(("dim", "laws", "rows"), [(1, 4, 4), (2, 8, 8), (3, 8, 12)])
@@ -215,3 +220,21 @@ def test_the_number_of_contacts_is_a_whole_number_of_at_least_zero(n_contacts: o
 def test_negative_zero_friction_does_not_change_the_cached_laws() -> None:
     Laws.contacts(-0.0, 3, 61)
     assert not np.signbit(Laws.contacts(0.0, 3, 61).friction_coefficient).any()
+
+
+def test_laws_that_memory_does_not_hold_are_refused_before_they_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "available_bytes", lambda: 1e10)
+    for friction in (0.5, [0.5]):
+        with pytest.raises(InsufficientMemoryError, match=r"for the laws of .* contacts"):
+            Laws.contacts(friction, 3, 2**31 - 1)
+    with pytest.raises(InsufficientMemoryError, match="for the laws of 2,147,483,647 rows of joints"):
+        Laws.joints(2**31 - 1)
+
+
+def test_laws_are_concatenated_from_any_iterable() -> None:
+    parts = [Laws.joints(2), Laws.contacts(0.5, 3, 1)]
+    for given in (parts, tuple(parts), iter(parts), dict.fromkeys(parts)):
+        assert Laws.concatenate(given).kind.tolist() == [3, 3, 0, 2]
+    for odd in (iter(()), iter([1]), 3, None):
+        with pytest.raises(ProblemError, match="takes a list of at least one Laws"):
+            Laws.concatenate(odd)  # type: ignore[arg-type]

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 from proxbench.problems import ContactProblem, Laws, judge, load
 from proxbench.solvers import SolverError, Status, Stop, create, solve
+from proxbench.solvers.conic import cvxpy_coulomb
+from proxbench.solvers.conic.cvxpy_coulomb import CvxpyProgram
+from proxbench.solvers.conic.programs import ConicStatus
 
 
 def test_a_splitting_method_selected_by_name_solves_the_problem() -> None:
@@ -69,3 +72,30 @@ def test_the_message_about_an_unknown_solver_names_the_installed_ones() -> None:
     missing = next(one for one in cvxpy.settings.SOLVERS if one not in cvxpy.installed_solvers())
     with pytest.raises(SolverError, match=rf"solver '{missing}' of cvxpy is not installed; .*CLARABEL"):
         create("CvxpyCoulomb", solver=missing)
+
+
+@pytest.mark.parametrize("fails", ["velocity", "solver"])
+def test_a_run_that_fails_returns_no_impulses_of_the_run_before(fails: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = ContactProblem.from_delassus(np.eye(3), (-1.0, 5.0, 0.0), 0.3)
+    program, velocity = CvxpyProgram(problem, "CLARABEL"), problem.free_velocity
+    assert program.run(velocity, 1e-8, 100, 10.0).status is ConicStatus.CONVERGED
+    if fails == "velocity":
+        velocity = np.full(3, np.nan)
+    else:
+
+        def fail(*_: object, **__: object) -> None:
+            raise cvxpy.error.SolverError("failed")
+
+        monkeypatch.setattr(cvxpy.Problem, "solve", fail)
+    result = program.run(velocity, 1e-8, 100, 10.0)
+    assert result.status is ConicStatus.GAVE_UP
+    assert np.isnan(result.impulses).all()
+    assert result.iterations == 1
+
+
+def test_an_option_that_the_solver_does_not_know_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = ContactProblem.from_delassus(np.eye(3), (-1.0, 5.0, 0.0), 0.3)
+    names = cvxpy_coulomb._OptionNames(iteration_limit="no_such_option")
+    monkeypatch.setitem(cvxpy_coulomb._OPTION_NAMES, "CLARABEL", names)
+    with pytest.raises(Exception, match="no_such_option"):
+        CvxpyProgram(problem, "CLARABEL").run(problem.free_velocity, 1e-8, 100, 10.0)

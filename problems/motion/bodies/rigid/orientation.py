@@ -66,7 +66,8 @@ def about(axis: tuple[float, float, float], angle: float) -> FloatArray:
     direction = finite_vector(axis, "axis", 3)
     if not direction.any():
         raise ProblemError("the axis of a rotation must not be zero; give its direction, such as (1, 0, 0).")
-    unit = direction / np.linalg.norm(direction)
+    scaled = direction / np.abs(direction).max()  # the square of a short or long axis underflows or overflows
+    unit = scaled / np.linalg.norm(scaled)
     rotation: FloatArray = exponential(angle * unit[None, :])[0]
     return rotation
 

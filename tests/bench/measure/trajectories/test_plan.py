@@ -111,6 +111,17 @@ def test_impossible_study_is_rejected(scene: str, options: dict[str, Any], words
         make_study_plan(scene, **options)
 
 
+def test_the_members_of_a_study_may_be_given_by_an_iterator() -> None:
+    (trajectory,) = make_study_plan("pile(balls=3)", members=iter([3, 1, 2])).record.trajectories
+    assert trajectory.members == [3, 1, 2]
+
+
+@pytest.mark.parametrize("members", [[True, False], {0: 1, 1: 2}, "12", 1.0, np.array(1.0), [1j, 2j], ["1", "2"]])
+def test_members_that_are_not_a_list_of_numbers_are_refused(members: Any) -> None:
+    with pytest.raises(ProxbenchError, match="`members` must be a list of numbers"):
+        make_study_plan("pile(balls=3)", members=members)
+
+
 @pytest.mark.parametrize("start", ["warm", "cold", "warm-then-cold", "scaled"])
 def test_all_methods_and_the_reference_of_a_study_have_its_start(start: str) -> None:
     plan = make_study_plan("pile(balls=3)", ["Jprox"], start=start)

@@ -67,6 +67,10 @@ def test_a_fresh_copy_has_the_root_and_shares_no_memory(is_diagonal: bool) -> No
     for one, other in ((fresh.matrix, inverse.matrix), (fresh.root, inverse.root)):
         assert np.array_equal(one.toarray(), other.toarray())
         assert not np.shares_memory(one.data, other.data)
+    if is_diagonal:
+        for one in (inverse, fresh):
+            assert not one.root_diagonal.flags.writeable
+            assert not np.shares_memory(inverse.root_diagonal, fresh.root_diagonal)
 
 
 def test_an_invalid_mass_matrix_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from proxbench.problems.motion.detection import broad_phase
 from proxbench.problems.motion.detection.broad_phase import (
     CELLS_PER_BALL,
     MAX_QUERIES,
@@ -15,6 +16,7 @@ from proxbench.problems.motion.detection.broad_phase import (
     SPEED_MARGIN,
     NearPairs,
     _cell_numbers,
+    _occupied_cell_numbers,
     near_bodies,
     overlapping_pairs,
 )
@@ -95,7 +97,41 @@ def test_balls_at_nonfinite_positions_have_no_cells(value: float) -> None:
     centres = np.random.default_rng(7).uniform(0.0, 3.0, (30, 3))
     centres[11, 1] = value
     assert _cell_numbers(centres, 1.0)[3] == np.inf
-    overlapping_pairs(centres, np.full(30, 0.5))
+    radii = np.full(30, 0.5)
+    found, expected = overlapping_pairs(centres, radii), every_pair(np.delete(centres, 11, axis=0), radii[1:])
+    assert np.array_equal(found, expected + (expected >= 11))
+    assert overlapping_pairs(np.full((30, 3), value), radii).shape == (0, 2)
+
+
+@pytest.mark.parametrize("far", [-1e16, 1e16, 1e300])
+def test_a_distant_ball_does_not_hide_a_pair_by_rounding(far: float) -> None:
+    for axis in range(3):
+        centres = np.zeros((3, 3))
+        centres[:, axis] = far, 0.9, 1.1
+        assert overlapping_pairs(centres, np.full(3, 0.5)).tolist() == [[1, 2]]
+    spread = np.array([[-1e308, 0.0], [1e308, 0.0], [1e308, 0.9]])
+    assert overlapping_pairs(spread, np.full(3, 0.5)).tolist() == [[1, 2]]
+
+
+@pytest.mark.parametrize("value", [-np.inf, 1e16, -1e300])
+def test_a_ball_far_from_all_others_does_not_add_candidates(value: float) -> None:
+    """In a cube of 1000 balls, a cell and its neighbours hold a small part of the pairs."""
+    centres = np.random.default_rng(9).uniform(0.0, 10.0, (1000, 3))
+    centres[0, 1] = value
+    kept = centres[np.isfinite(centres).all(axis=1)]
+    _, counts = np.unique(_occupied_cell_numbers(kept, 1.0)[0], return_counts=True)
+    assert counts.max() <= 10
+
+
+def test_merging_cells_that_are_too_many_keeps_all_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    scattered = rng.uniform(0.0, 1e10, (200, 3))
+    centres = np.vstack([scattered, scattered + rng.uniform(-0.5, 0.5, scattered.shape)])
+    expected, radii = every_pair(centres, np.full(400, 0.5)), np.full(400, 0.5)
+    monkeypatch.setattr(broad_phase, "MAX_CELLS", 1e5)
+    number, *_ = _occupied_cell_numbers(centres, 1.0)
+    assert 0 <= number.min() <= number.max() < 1e5
+    assert np.array_equal(overlapping_pairs(centres, radii), expected)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

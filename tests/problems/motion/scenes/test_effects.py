@@ -101,9 +101,9 @@ def test_duplicate_effect_is_refused() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: Gravity(float("nan")), "acceleration of gravity must be finite, got nan"),
-        (lambda: Drag(float("nan")), "coefficient of drag must be finite and not negative, got nan"),
-        (lambda: Drag(-100.0), "coefficient of drag must be finite and not negative, got -100.0"),
+        (lambda: Gravity(float("nan")), "acceleration of gravity must be a finite number, got nan"),
+        (lambda: Drag(float("nan")), "coefficient of drag must be a finite number that is not negative, got nan"),
+        (lambda: Drag(-100.0), "coefficient of drag must be a finite number that is not negative, got -100.0"),
         (lambda: Spring(1.0, (0.0, float("inf"))), "stiffness and anchor of a spring must be finite"),
     ],
 )

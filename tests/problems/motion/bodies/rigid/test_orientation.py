@@ -99,3 +99,9 @@ def test_the_gyroscopic_moment_does_no_work_beside_an_impulse(seed: int, seconds
     np.testing.assert_allclose(gained, (impulses * 0.5 * (spins + after)).sum(axis=1), atol=1e-13)
     before = free_spins(after, inertias, -seconds, -impulses) - impulses / inertias
     np.testing.assert_allclose(before, spins, atol=1e-12)
+
+
+@pytest.mark.parametrize("length", [5e-324, 1e-200, 1e-8, 1.0, 1e200, 1e308])
+def test_the_length_of_an_axis_does_not_change_the_rotation(length: float) -> None:
+    expected = [np.cos(0.5), *(np.sin(0.5) * np.array([1.0, 0.0, -1.0]) / np.sqrt(2.0))]
+    np.testing.assert_allclose(about((length, 0.0, -length), 1.0), expected, rtol=1e-15)
