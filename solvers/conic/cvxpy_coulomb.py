@@ -166,7 +166,9 @@ class CvxpyProgram:
         objective = 0.5 * cp.sum_squares(root @ self._impulses) + self._linear @ self._impulses
         self._program = cp.Problem(cp.Minimize(objective), _constraints(problem, scaling, self._impulses))
         self._linear.value = np.zeros(problem.n_rows)
-        self._program.get_problem_data(solver)  # compiles the program and caches the result
+        data = self._program.get_problem_data(solver)[0]  # compiles the program and caches the result
+        parts = [part.data if sp.issparse(part) else part for part in data.values()]
+        self._is_finite = all(np.isfinite(part).all() for part in parts if isinstance(part, np.ndarray))
 
     def run(self, velocity: FloatArray, accuracy: float, max_iterations: int, max_seconds: float) -> ConicResult:
         """Solve with another linear term; see ``ConicProgram.run``."""
@@ -179,7 +181,7 @@ class CvxpyProgram:
             options[names.time_limit] = max(max_seconds, 1e-3)
         failure, start_time = np.full(self._problem.n_rows, np.nan), time.perf_counter()
         linear = velocity * (self._scaling.impulse / self._scaling.energy)
-        if not np.isfinite(linear).all():
+        if not (self._is_finite and np.isfinite(linear).all()):  # cvxpy refuses other numbers
             return ConicResult(failure, 1, time.perf_counter() - start_time, ConicStatus.GAVE_UP)
         self._linear.value = linear
         try:
