@@ -35,7 +35,8 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
     Raises:
         ProblemError: if ``values`` are complex numbers, strings or other objects, or an entry is masked.
     """
-    check_no_mask(values, name)
+    if type(values) is not np.ndarray:
+        check_no_mask(values, name)
     try:
         array = np.asarray(values)
     except (TypeError, ValueError):

@@ -58,9 +58,11 @@ def as_matrix(matrix_like: Any, name: str) -> Any:
     Raises:
         ProblemError: if ``matrix_like`` is not a matrix of real numbers, or an entry is masked.
     """
-    check_no_mask(matrix_like, name)
+    is_sparse = sp.issparse(matrix_like)
+    if not is_sparse and type(matrix_like) is not np.ndarray:
+        check_no_mask(matrix_like, name)
     try:
-        matrix: Any = matrix_like if sp.issparse(matrix_like) else np.asarray(matrix_like)
+        matrix: Any = matrix_like if is_sparse else np.asarray(matrix_like)
         if matrix.ndim == 2 and matrix.dtype.kind in "fiub":
             return matrix
     except (TypeError, ValueError):
