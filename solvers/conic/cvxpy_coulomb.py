@@ -166,8 +166,8 @@ class CvxpyProgram:
         objective = 0.5 * cp.sum_squares(root @ self._impulses) + self._linear @ self._impulses
         self._program = cp.Problem(cp.Minimize(objective), _constraints(problem, scaling, self._impulses))
         self._linear.value = np.zeros(problem.n_rows)
-        data = self._program.get_problem_data(solver)[0]  # compiles the program and caches the result
-        parts = [sp.csc_array(part).data if sp.issparse(part) else part for part in data.values()]
+        data: dict[str, Any] = self._program.get_problem_data(solver)[0]  # compiles the program and caches the result
+        parts: list[Any] = [getattr(part, "data", None) if sp.issparse(part) else part for part in data.values()]
         self._is_finite = all(np.isfinite(part).all() for part in parts if isinstance(part, np.ndarray))
 
     def run(self, velocity: FloatArray, accuracy: float, max_iterations: int, max_seconds: float) -> ConicResult:
