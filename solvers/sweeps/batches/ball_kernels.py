@@ -132,48 +132,23 @@ def _largest_violation(bodies, records, kappa, impulses, motion, weights):  # ty
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def sweep_window(  # type: ignore[no-untyped-def]
-    counts,
-    lowest,
-    limit,
-    scale,
-    bodies,
-    records,
-    kappa,
-    impulses,
-    motion,
-    change,
-    previous_motion,
-    momentum,
-    delay,
-    sweeps,
-    beta,
-    weights,
-    best,
-    residuals,
+    counts, lowest, limit, scale, contacts, state, momentum, delay, sweeps, beta, weights, best, residuals
 ):
     """Do each number of sweeps, and write the residual after each; return the number of residuals and the next β.
 
     Stop at the first residual that is not between ``lowest`` and ``limit``. ``best`` becomes the Λ with the lowest
-    residual before the last one. The residual is the largest violation divided by ``scale``; ``weights`` as in
-    ``largest_violation``, and the other arguments are those of ``sweep_balls``.
+    residual before the last one. The residual is the largest violation divided by ``scale``. ``contacts`` holds bodies,
+    records and κ, and ``state`` holds Λ, motion, change and previous motion, as ``sweep_balls`` takes them. ``weights``
+    is as in ``largest_violation``.
     """
+    (bodies, records, kappa), (impulses, motion, change, previous_motion) = contacts, state
     best_residual, n_checks = np.inf, uint64(len(counts))
     for check in range(n_checks):
+        count = counts[check]
         beta = sweep_balls(
-            counts[check],
-            bodies,
-            records,
-            kappa,
-            impulses,
-            motion,
-            change,
-            previous_motion,
-            momentum,
-            delay,
-            sweeps,
-            beta,
+            count, bodies, records, kappa, impulses, motion, change, previous_motion, momentum, delay, sweeps, beta
         )
-        sweeps += counts[check]
+        sweeps += count
         residual = _largest_violation(bodies, records, kappa, impulses, motion, weights) / scale
         residuals[check] = residual
         if check + uint64(1) == n_checks or not lowest < residual < limit:

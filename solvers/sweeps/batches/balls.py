@@ -179,11 +179,11 @@ class BallIterates(MomentumState, WindowedIterates):
         """Sweep and measure repeatedly; see ``WindowedIterates``."""
         self._use_residual(residual)
         sweep, residuals, best = self._sweep, np.empty(len(counts)), self._impulses.copy()
-        arrays = (self._impulses, self._motion, self._change, self._previous_motion)
+        state = (self._impulses, self._motion, self._change, self._previous_motion)
         momentum = self._momentum, self._delay, self._sweeps, self._beta
-        data = sweep.bodies, sweep.records, sweep.balls.spin_ratio
+        contacts = sweep.bodies, sweep.records, sweep.balls.spin_ratio
         scales = np.array(counts), float(limits[0]), float(limits[1]), residual.scale
-        n_checks, self._beta = sweep_window(*scales, *data, *arrays, *momentum, self._weights, best, residuals)
+        n_checks, self._beta = sweep_window(*scales, contacts, state, *momentum, self._weights, best, residuals)
         self.count_window(counts[:n_checks], residuals[: n_checks - 1])
         last = float(residuals[n_checks - 1])
         self._measured_after, self._last_residual = self._sweeps, np.inf if np.isnan(last) else last
