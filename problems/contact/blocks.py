@@ -113,6 +113,11 @@ class BlockLayout(ReadOnlyRecord):
         """Whether no friction is bounded by the impulse of another block."""
         return bool(np.array_equal(self.partner, np.arange(self.n_blocks)))
 
+    @cached_property
+    def has_fixed_bounds(self) -> bool:
+        """Whether the bound of the sliding friction of a block has a fixed part."""
+        return bool(self.fixed_bound.any())
+
     def pad(self, rows: FloatArray) -> FloatArray:
         """Return a vector over rows as a new array, shape (n_blocks, width), with zeros in unused lanes."""
         if self.is_dense:

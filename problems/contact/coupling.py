@@ -25,6 +25,9 @@ ROUNDING = 1e-13
 NEGLIGIBLE = 2.0**-40
 """Free velocities below this fraction of the largest one count as zero."""
 
+MIN_SQUARE, MAX_SQUARE = 1e-280, 1e280
+"""Between these numbers, a sum of two squares has neither overflowed nor lost small terms."""
+
 
 def components(problem: ContactProblem) -> IntArray:
     """Return the component of each contact, numbered from 0 in the order of first contacts, shape (n_contacts,)."""
@@ -242,6 +245,13 @@ def row_lengths(problem: ContactProblem) -> FloatArray:
     return np.repeat(lengths, laws.row_count)
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _norm(x, y):  # type: ignore[no-untyped-def]
+    """Return √(x² + y²) without overflow or underflow."""
+    squared = x * x + y * y
+    return np.sqrt(squared) if MIN_SQUARE < squared < MAX_SQUARE else np.hypot(x, y)
+
+
 @interpretable
 @njit(cache=True, error_model="numpy")
 def _write_scales(  # type: ignore[no-untyped-def]
@@ -252,28 +262,32 @@ def _write_scales(  # type: ignore[no-untyped-def]
     Return the index of a law that no impulse can satisfy (−1 if there is none), and max ℓ_i ‖c_i‖ [m/s].
     """
     stuck, largest = -1, 0.0
+    has_zero, rolls = False, False
     for law in range(len(sets)):
         row, last = uint64(first_row[law]), uint64(first_row[law] + row_count[law])
         alpha_of_law, speed = diagonal[row], abs(free_velocity[row])
         for k in range(row + uint64(1), last):
             alpha_of_law = max(alpha_of_law, diagonal[k])
-            speed = np.hypot(speed, free_velocity[k])
+            speed = _norm(speed, free_velocity[k])
         if alpha_of_law == 0.0:
+            has_zero = True
             if sets[law] == HALF_LINE and free_velocity[row] < 0.0:
                 stuck = law
             if sets[law] == LINE and free_velocity[row] != 0.0:
                 stuck = law
-        alpha[law], speeds[law] = alpha_of_law, speed
-    for law in range(len(sets)):
+        alpha[law], speeds[law], lengths[law] = alpha_of_law, speed, 1.0
+        largest, rolls = max(largest, speed), rolls or is_rolling[law]
+    for law in range(len(sets) if has_zero else 0):
         normal = partner[law]
         if normal >= 0 and diagonal[uint64(first_row[uint64(normal)])] == 0.0:
             alpha[normal] = max(alpha[normal], alpha[law])
-    for law in range(len(sets)):
-        lengths[law] = 1.0
-        if is_rolling[law] and alpha[law] > 0.0 and alpha[partner[law]] > 0.0:
-            lengths[law] = np.sqrt(alpha[partner[law]] / alpha[law])
-            speeds[law] *= lengths[law]
-        largest = max(largest, speeds[law])
+    if rolls:
+        largest = 0.0
+        for law in range(len(sets)):
+            if is_rolling[law] and alpha[law] > 0.0 and alpha[partner[law]] > 0.0:
+                lengths[law] = np.sqrt(alpha[partner[law]] / alpha[law])
+                speeds[law] *= lengths[law]
+            largest = max(largest, speeds[law])
     return stuck, largest
 
 

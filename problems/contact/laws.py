@@ -73,9 +73,6 @@ _ROLLING_OF_ROWS = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROL
 _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind.BILATERAL, LawKind.PLANAR_ROLLING))
 """Plain numbers: NumPy compares them six times as fast as members of an enumeration."""
 
-MAX_CACHED_CONTACTS = 64
-"""Largest number of contacts of equal friction whose laws are cached."""
-
 BYTES_PER_LAW = 90.0
 """Memory that is needed at least to make a law."""
 
@@ -290,8 +287,7 @@ class Laws(ReadOnlyRecord):
         check_count("n_contacts", n_contacts)
         mu = frozen(friction, np.float64, "friction")
         if mu.ndim == 0 and 0.0 <= mu < np.inf:
-            make = _few_equal_laws if n_contacts <= MAX_CACHED_CONTACTS else _equal_laws
-            return make(float(mu) + 0.0, int(dim), int(n_contacts))  # −0 would change the digest of problems
+            return _equal_laws(float(mu) + 0.0, int(dim), int(n_contacts))  # −0 would change the digest of problems
         try:
             coefficient = np.broadcast_to(mu, (n_contacts,))
         except ValueError:
@@ -377,14 +373,14 @@ def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
     return Laws.in_order(np.tile([0, dim - 1], n_contacts), mu, np.zeros(2 * n_contacts), partner)
 
 
+@lru_cache(maxsize=256)
 def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
-    """Return contacts of one μ as the first part of a longer list, which has been validated before."""
+    """Return contacts of one μ as the first part of a longer list, which has been validated before.
+
+    The same object is returned for the same arguments, so that its layout is computed only once.
+    """
     capacity = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
     return _many_equal_laws(friction, dim, capacity)._first(n_contacts if dim == 1 else 2 * n_contacts)
-
-
-_few_equal_laws = lru_cache(maxsize=256)(_equal_laws)
-"""Return the same object for the same arguments, so that its layout is computed only once."""
 
 
 @lru_cache(maxsize=16)

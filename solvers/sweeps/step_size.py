@@ -111,10 +111,16 @@ def row_sums_of_factors(problem: ContactProblem) -> FloatArray:
 def write_step_sizes(slot, width, row_values, relaxation, step_sizes):  # type: ignore[no-untyped-def]
     """Write ω over the largest number in ``row_values`` of each law's rows, or 0 if that is 0."""
     one = uint64(1)
-    for row in range(len(slot)):
-        block = block_of(slot[row], width)
-        lane = min(uint64(slot[row]) - uint64(width) * block, one)
-        step_sizes[block, lane] = max(step_sizes[block, lane], row_values[row])
+    if width == 3 and len(slot) == 3 * len(step_sizes):  # every lane is a row
+        for block in range(len(step_sizes)):
+            row = uint64(3) * uint64(block)
+            step_sizes[block, 0] = row_values[row]
+            step_sizes[block, 1] = max(row_values[row + one], row_values[row + uint64(2)])
+    else:
+        for row in range(len(slot)):
+            block = block_of(slot[row], width)
+            lane = min(uint64(slot[row]) - uint64(width) * block, one)
+            step_sizes[block, lane] = max(step_sizes[block, lane], row_values[row])
     for block in range(len(step_sizes)):
         for lane in range(2):
             step_sizes[block, lane] = relaxation / step_sizes[block, lane] if step_sizes[block, lane] > 0.0 else 0.0

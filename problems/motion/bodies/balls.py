@@ -12,13 +12,11 @@ matrix.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
-from numba import njit, uint64
+from numba import njit
 
 from ...arrays import FloatArray, IntArray
-from ...compilation.kernel_arrays import copy_entries
 from ...contact.laws import Laws
 from ...contact.matrices.ball_contacts import BallContacts, BallNormals
 from ...contact.matrices.contact_frame import write_frame
@@ -27,6 +25,7 @@ from ...contact.matrices.pieces import Pieces
 from ...errors import ProblemError
 from ..detection.broad_phase import NearPairs
 from ..detection.contact_keys import ContactKeys
+from .ball_overlaps import DetectedContacts, is_deeper, merge_contacts
 from .rigid.materials import MaterialPairs
 from .surfaces import Surface, SurfaceContacts
 from .system import ActiveContacts, Overlaps, StepAssembly
@@ -174,7 +173,8 @@ class BallSystem:
 
     def move(self, position: FloatArray, velocity: FloatArray, seconds: float) -> FloatArray:
         """Return the centres moved along their velocities; the orientation of a ball has no influence on its motion."""
-        return position + seconds * self.twists(velocity)[:, : self.dimension].ravel()
+        moved: FloatArray = _moved(self.centres(position), self.twists(velocity), seconds).reshape(-1)
+        return moved
 
     def assemble(self, midpoint: FloatArray, velocity: FloatArray, seconds: float) -> StepAssembly:
         """Return the step linearised at q_M: its free motion, and gaps and W of the contacts with g(q_M) < 0.
@@ -188,9 +188,12 @@ class BallSystem:
         free = self.twists(velocity).copy()
         translation = self.twists(velocity)[:, : self.dimension]
         for acceleration in self.accelerations:
-            free[:, : self.dimension] += seconds * acceleration(centres, translation, self.masses)
+            accelerations = acceleration(centres, translation, self.masses)
+            if np.shape(accelerations) != centres.shape:
+                accelerations = np.broadcast_to(accelerations, centres.shape).copy()
+            _accelerate(free, np.ascontiguousarray(accelerations, dtype=np.float64), seconds)
         contacts = self._contacts(centres)
-        return StepAssembly(free.ravel(), self.inverse_mass, contacts)
+        return StepAssembly(free.reshape(-1), self.inverse_mass, contacts)
 
     def gaps_below(self, position: FloatArray, limit: float) -> tuple[IntArray, FloatArray]:
         """Return keys, ascending, and gaps [m] of the contacts with g(q) < ``limit``, which is not negative."""
@@ -203,10 +206,10 @@ class BallSystem:
         """Return all overlaps, or None if no overlap is deeper than ``tolerated`` [m]."""
         centres = self.centres(position)
         on_surfaces, near = self._find_surface_contacts(centres), self._near_pairs.at(centres)
-        deepest = min((gaps.min(initial=0.0) for _, gaps, _ in on_surfaces), default=0.0)
-        if not deepest < -tolerated and not _is_deeper(near, centres, self.radii, tolerated):
+        deepest = min((gaps.min() for _, gaps, _ in on_surfaces if len(gaps)), default=0.0)
+        if not deepest < -tolerated and not is_deeper(near, centres, self.radii, tolerated):
             return None
-        detected = _merge_contacts(near, centres, self.radii, on_surfaces)
+        detected = merge_contacts(near, centres, self.radii, on_surfaces)
         normals = BallNormals(detected.chunks, detected.normals, self.n_balls, self.dofs_per_ball)
         return Overlaps(detected.gap, normals, self.inverse_mass)
 
@@ -216,14 +219,15 @@ class BallSystem:
         if not len(keys):
             return None
         directions = self._directions(detected)
-        restitution = np.full((len(keys), self.rows_per_contact), self.restitution_tangential)
+        restitution = np.empty((len(keys), self.rows_per_contact))
+        restitution[:] = self.restitution_tangential
         coefficient = self.restitution_normal
         restitution[:, 0] = coefficient(self._keys.pairs(keys)) if callable(coefficient) else coefficient
         friction = self.friction(self._keys.pairs(keys)) if callable(self.friction) else self.friction or 0.0
         laws = Laws.contacts(friction, self.rows_per_contact, len(keys))
         return ActiveContacts(keys, detected.gap, laws, directions, restitution.ravel(), self.rows_per_contact)
 
-    def _directions(self, detected: "DetectedContacts") -> Pieces:
+    def _directions(self, detected: DetectedContacts) -> Pieces:
         rows = self.rows_per_contact
         if rows == 3:
             return BallContacts(detected.chunks, detected.normals, self.radii)
@@ -232,9 +236,9 @@ class BallSystem:
         values = _planar_directions(detected.chunks, detected.normals, self.radii)
         return Pieces(2 * np.arange(len(detected.keys) + 1), detected.chunks, values, self.n_balls)
 
-    def _find_contacts(self, centres: FloatArray) -> "DetectedContacts":
+    def _find_contacts(self, centres: FloatArray) -> DetectedContacts:
         """Return all overlaps of balls with balls and surfaces."""
-        return _merge_contacts(self._near_pairs.at(centres), centres, self.radii, self._find_surface_contacts(centres))
+        return merge_contacts(self._near_pairs.at(centres), centres, self.radii, self._find_surface_contacts(centres))
 
     def _find_surface_contacts(self, centres: FloatArray) -> list[SurfaceContacts]:
         """Return the balls that touch each surface."""
@@ -257,106 +261,23 @@ class BallSystem:
         return 0.5 * float(velocity @ (velocity / self.inverse_mass.matrix.data))
 
 
-class DetectedContacts(NamedTuple):
-    """Overlaps of balls with balls and surfaces, ordered by key.
-
-    Attributes:
-        keys: identity of each contact, shape (n_contacts,); in keys, surfaces are numbered after the balls.
-        chunks: first and second ball of each contact, or the number of balls for a surface, shape (2 · n_contacts,).
-        gap: g [m], negative, shape (n_contacts,).
-        normals: from the second ball or the surface to the first ball, shape (n_contacts, d).
-    """
-
-    keys: IntArray
-    chunks: IntArray
-    gap: FloatArray
-    normals: FloatArray
-
-
-def _merge_contacts(
-    near: IntArray, centres: FloatArray, radii: FloatArray, on_surfaces: list[SurfaceContacts]
-) -> DetectedContacts:
-    """Return the overlaps among near pairs of balls, and those of balls with each surface."""
-    none = np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, centres.shape[1]))
-    ends = np.cumsum([len(balls) for balls, _, _ in on_surfaces], dtype=np.int64)
-    ball, depth, inward = (np.concatenate(parts) for parts in zip(none, *on_surfaces, strict=True))
-    return DetectedContacts(*_merge(near, centres, radii, ends, ball, depth, inward))
-
-
 @njit(cache=True)
-def _is_deeper(near, centres, radii, tolerated):  # type: ignore[no-untyped-def]
-    """Return whether a pair overlaps by more than ``tolerated``."""
-    for k in range(len(near)):
-        i, j = uint64(near[k, 0]), uint64(near[k, 1])  # unsigned indices need no test for negative ones
-        reach = radii[i] + radii[j]
-        x, y, z = _difference(centres, i, j)
-        squared = x * x + y * y + z * z
-        if squared < reach * reach and np.sqrt(squared) - radii[i] - radii[j] < -tolerated:
-            return True
-    return False
-
-
-@njit(cache=True, inline="always")
-def _difference(centres, i, j):  # type: ignore[no-untyped-def]
-    """Return x_i − x_j; its third component is 0 in the plane."""
-    z = centres[i, 2] - centres[j, 2] if centres.shape[1] == 3 else 0.0
-    return centres[i, 0] - centres[j, 0], centres[i, 1] - centres[j, 1], z
-
-
-@njit(cache=True)
-def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-untyped-def]
-    """Return keys, chunks, gaps and normals of all overlaps, ordered by first ball, then second ball or surface.
-
-    ``near`` holds pairs of balls in this order. The overlaps of each surface end at ``ends`` and are sorted by ball.
-    The normal of concentric balls is undefined and is set to the x axis.
-    """
+def _moved(centres, twists, seconds):  # type: ignore[no-untyped-def]
+    """Return the centres after a motion with constant velocities."""
     n, dim = centres.shape
-    n_bodies, capacity = n + len(ends), len(near) + len(ball)
-    keys, chunks = np.empty(capacity, dtype=np.int64), np.empty((capacity, 2), dtype=np.int64)
-    gaps, normals = np.empty(capacity), np.zeros((capacity, dim))
-    heads = np.zeros(len(ends), dtype=np.int64)
-    copy_entries(ends[:-1], heads[1:])
-    count, surface_ball = uint64(0), _next_ball(heads, ends, ball, n)
-    for k in range(len(near) + 1):
-        i = near[k, 0] if k < len(near) else n
-        while surface_ball < i:
-            for surface in range(len(ends)):
-                index = heads[surface]
-                if index < ends[surface] and ball[index] == surface_ball:
-                    keys[count], gaps[count] = surface_ball * n_bodies + n + surface, depth[index]
-                    chunks[count, 0], chunks[count, 1] = surface_ball, n
-                    normals[count] = inward[index]
-                    heads[surface], count = index + 1, count + uint64(1)
-            surface_ball = _next_ball(heads, ends, ball, n)
-        if i == n:
-            break
-        first, second = uint64(i), uint64(near[k, 1])
-        reach = radii[first] + radii[second]
-        x, y, z = _difference(centres, first, second)
-        squared = x * x + y * y + z * z
-        if not squared < reach * reach:
-            continue
-        distance = np.sqrt(squared)
-        keys[count], gaps[count] = i * n_bodies + near[k, 1], distance - radii[first] - radii[second]
-        chunks[count, 0], chunks[count, 1] = i, near[k, 1]
-        if distance > 0.0:
-            normals[count, 0], normals[count, 1] = x / distance, y / distance
-            if dim == 3:
-                normals[count, 2] = z / distance
-        else:
-            normals[count, 0] = 1.0
-        count += uint64(1)
-    return keys[:count], chunks[:count].reshape(-1), gaps[:count], normals[:count]
+    moved = np.empty((n, dim))
+    for i in range(n):
+        for axis in range(dim):
+            moved[i, axis] = centres[i, axis] + seconds * twists[i, axis]
+    return moved
 
 
 @njit(cache=True)
-def _next_ball(heads, ends, ball, n):  # type: ignore[no-untyped-def]
-    """Return the first ball among the next overlaps of all surfaces, n if there are none."""
-    first = n
-    for surface in range(len(ends)):
-        if heads[surface] < ends[surface]:
-            first = min(first, ball[heads[surface]])
-    return first
+def _accelerate(twists, accelerations, seconds):  # type: ignore[no-untyped-def]
+    """Add the change of velocity within ``seconds`` to v of each ball."""
+    for i in range(len(accelerations)):
+        for axis in range(accelerations.shape[1]):
+            twists[i, axis] += seconds * accelerations[i, axis]
 
 
 @njit(cache=True)

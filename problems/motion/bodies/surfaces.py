@@ -15,6 +15,10 @@ SurfaceContacts = tuple[IntArray, FloatArray, FloatArray]
 shape (k, d)."""
 
 
+CLEARLY = 1.0 - 1e-9
+"""Ratio below which a square is less than another one despite rounding."""
+
+
 class Surface(Protocol):
     """A fixed surface."""
 
@@ -137,14 +141,24 @@ def _write_normal(centres, i, side, rho, across, up, normal):  # type: ignore[no
 
 
 @njit(cache=True)
+def _is_far_inside(centres, i, limit, slope):  # type: ignore[no-untyped-def]
+    """Return whether ``slope`` · ρ is clearly less than ``limit``, without the root that ρ requires."""
+    squared = centres[i, 0] * centres[i, 0] + centres[i, 1] * centres[i, 1]
+    return slope > 0.0 and limit > 0.0 and slope * slope * squared < CLEARLY * limit * limit
+
+
+@njit(cache=True)
 def _find_segment_contacts(centres, radii, lower, along, length, side):  # type: ignore[no-untyped-def]
     """Return what ``Segment.find_contacts`` returns; ``along`` is the unit direction of the segment."""
     n, dim = centres.shape
     balls, gaps, normals = np.empty(n, dtype=np.int64), np.empty(n), np.empty((n, dim))
     count = 0
     for i in range(n):
+        up = centres[i, dim - 1] - lower[1]
+        if side == 0 and _is_far_inside(centres, i, along[0] * up + along[1] * lower[0] - radii[i], along[1]):
+            continue
         rho = _axis_distance(centres, i, side)
-        across, up = rho - lower[0], centres[i, dim - 1] - lower[1]
+        across = rho - lower[0]
         position = along[0] * across + along[1] * up
         distance = along[0] * up - along[1] * across
         if 0.0 <= position <= length and abs(distance) < radii[i]:

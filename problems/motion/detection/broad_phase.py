@@ -2,18 +2,20 @@
 
 Cells are as wide as the largest ball. Balls are sorted by the number of their cell. Neighbours along the first axis
 have consecutive numbers, so the search visits a few ranges of cells per ball. The starts of these ranges only
-move forward.
+move forward. If few balls are much larger than the others, the others are searched in cells of their own size, and
+the large ones in wide cells.
 """
 
 import numpy as np
 from numba import njit, uint64
 
 from ...arrays import FloatArray, IntArray
+from .cells import Cells, sort_into_cells
 
 USUAL_PAIRS = 8
 """Initial capacity in pairs per ball; equal balls that do not interpenetrate have at most 6."""
 
-MIN_SKIN, MAX_SKIN = 0.025, 0.75
+MIN_SKIN, MAX_SKIN = 0.025, 2.0
 """Bounds of the skin of a ball, relative to the smallest radius."""
 
 MIN_QUERIES, MAX_QUERIES = 3.0, 15.0
@@ -78,23 +80,45 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
     n = len(centres)
     if n < 2:
         return np.zeros((0, 2), dtype=np.int64)
-    width = WIDTH_MARGIN * 2.0 * radii.max()
-    number, extent_x, extent_y, n_cells = _cell_numbers(centres, width)
-    if n_cells == np.inf:
+    largest, largest_of_small = _largest_radii(radii)
+    cells = sort_into_cells(centres, largest_of_small)
+    if cells is None:
         finite = np.flatnonzero(np.isfinite(centres).all(axis=1))
-        if len(finite) < n:
-            found: IntArray = finite[overlapping_pairs(centres[finite], radii[finite])]
-            return found
-        number, extent_x, extent_y = _occupied_cell_numbers(centres, width)
-    order = _counting_sort(number, n_cells) if n_cells <= CELLS_PER_BALL * n else np.argsort(number, kind="stable")
+        found: IntArray = finite[overlapping_pairs(centres[finite], radii[finite])]
+        return found
+    wide_cells = None if largest_of_small == largest else sort_into_cells(centres, largest)
     buffer = np.empty((USUAL_PAIRS * n, 2), dtype=np.int64)
-    arguments = centres, radii, order, number, extent_x, extent_y
-    count = _write_pairs(*arguments, buffer)
+    count = _write_all_pairs(centres, radii, largest_of_small, cells, wide_cells, buffer)
     if count > len(buffer):
         buffer = np.empty((count, 2), dtype=np.int64)
-        _write_pairs(*arguments, buffer)
+        _write_all_pairs(centres, radii, largest_of_small, cells, wide_cells, buffer)
     pairs: IntArray = _sorted_pairs(buffer[:count], n)
     return pairs
+
+
+def _largest_radii(radii: FloatArray) -> tuple[float, float]:
+    """Return the largest radius, and the largest radius of small balls, which is less if large balls are few."""
+    largest, limit = float(radii.max()), LARGE_RATIO * float(radii.mean())
+    if not limit < largest:
+        return largest, largest
+    share_of_large = np.count_nonzero(radii > limit) / len(radii)
+    is_worthwhile = (limit / largest) ** 3 + 2.0 * share_of_large < MAX_SHARE_OF_TESTS
+    return largest, limit if is_worthwhile else largest
+
+
+def _write_all_pairs(
+    centres: FloatArray,
+    radii: FloatArray,
+    largest_of_small: float,
+    cells: Cells,
+    wide_cells: Cells | None,
+    pairs: IntArray,
+) -> int:
+    """Write the overlapping pairs i < j, unsorted, up to the capacity; return their total number."""
+    count: int = _write_pairs(centres, radii, largest_of_small, *cells, pairs)
+    if wide_cells is not None:
+        count = _add_pairs_of_large_balls(centres, radii, largest_of_small, *wide_cells, count, pairs)
+    return count
 
 
 def near_bodies(centres: FloatArray, radii: FloatArray, n_moving: int, margin: float, excluded: IntArray) -> IntArray:
@@ -115,42 +139,13 @@ def near_bodies(centres: FloatArray, radii: FloatArray, n_moving: int, margin: f
     return pairs
 
 
-def _occupied_cell_numbers(centres: FloatArray, width: float) -> tuple[IntArray, int, int]:
-    """Return what ``_cell_numbers`` does, for finite centres between which the cells are too many to be numbered.
+LARGE_RATIO = 1.15
+"""Ratio of the radius of a large ball to the mean radius."""
 
-    Along each axis, any number of consecutive empty cells counts as one. The neighbours of a cell remain the same.
-    After a gap of more than ``width``, cells begin at the next ball, so that the rounding of large coordinates does
-    not separate neighbours. If the cells are still too many, pairs of consecutive ones are merged.
-    """
-    cells = np.zeros((len(centres), 3), dtype=np.int64)
-    for axis, coordinates in enumerate(centres.T):
-        order = np.argsort(coordinates)
-        ordered = coordinates[order]
-        with np.errstate(over="ignore"):
-            is_first = np.append(True, np.diff(ordered) > width)
-        firsts = ordered[is_first][np.cumsum(is_first) - 1]
-        steps = np.diff(np.floor((ordered - firsts) / width), prepend=0.0)
-        cells[order, axis] = np.cumsum(np.where(is_first, 2.0, np.fmin(steps, 2.0)).astype(np.int64))
-    while np.prod(cells.max(axis=0) + 4.0) >= MAX_CELLS:
-        cells //= 2
-    cells += 1
-    extent = cells.max(axis=0) + 2
-    return cells[:, 0] + extent[0] * (cells[:, 1] + extent[1] * cells[:, 2]), int(extent[0]), int(extent[1])
-
-
-MAX_CELLS = 2.0**62
-"""Exclusive bound of the number of cells, which 64-bit integers can number; extents of 1e6 diameters have 1e18."""
-
-MAX_EXTENT = 2.0**26
-"""Exclusive bound of the number of cells along an axis, for which coordinates relative to the lowest one are exact
-enough."""
-
-WIDTH_MARGIN = 1.0 + 2.0**-20
-"""Ratio of the width of a cell to the largest diameter. It exceeds the rounding errors of ``MAX_EXTENT`` cells, so that
-two balls that overlap are in neighbouring cells."""
-
-CELLS_PER_BALL = 64
-"""Largest number of cells per ball for which balls are sorted by counting; scattered balls occupy more cells."""
+MAX_SHARE_OF_TESTS = 0.6
+"""Largest share of the tests of pairs in wide cells for which small and large balls are searched separately. A small
+ball is tested in a volume that is smaller by the cube of the ratio of the widths, and a large one in all neighbouring
+cells instead of half of them."""
 
 
 @njit(cache=True)
@@ -187,67 +182,31 @@ def _skins(centres, moved_centres, queries, smallest, largest):  # type: ignore[
 
 
 @njit(cache=True)
-def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
-    """Return the number of each ball's cell, and the numbers of cells along the first two axes and in total.
-
-    The numbers of cells include a margin of one empty cell on each side. The total is infinite if a centre is not
-    finite, or if the cells are too many to be numbered, in total or along an axis.
-    """
-    n, dim = centres.shape
-    cells = np.ones((n, 3), dtype=np.int64)
-    extent, n_cells = np.zeros(3, dtype=np.int64), 1.0
-    for axis in range(3):
-        lowest, highest = np.inf, -np.inf
-        if axis < dim:
-            for i in range(n):
-                lowest, highest = min(lowest, centres[i, axis]), max(highest, centres[i, axis])
-            n_along = np.floor((highest - lowest) / width) + 3.0
-            n_cells *= n_along
-            if not (n_cells < MAX_CELLS and n_along < MAX_EXTENT):
-                return np.empty(n, dtype=np.int64), 0, 0, np.inf
-        for i in range(n):
-            if axis < dim:
-                cells[i, axis] = int(np.floor((centres[i, axis] - lowest) / width)) + 1
-            extent[axis] = max(extent[axis], cells[i, axis] + 2)
-    number, n_cells = np.empty(n, dtype=np.int64), float(extent[0]) * float(extent[1]) * float(extent[2])
-    for i in range(n):
-        number[i] = cells[i, 0] + extent[0] * (cells[i, 1] + extent[1] * cells[i, 2])
-        n_cells = n_cells if 0 <= number[i] < n_cells else np.inf
-    return number, extent[0], extent[1], n_cells
+def _in_order_of_cells(centres, radii, limit, order, number):  # type: ignore[no-untyped-def]
+    """Return x and r, cells and numbers of the balls with r ≤ ``limit``, in the order of cells, for local access."""
+    n, dim, count = uint64(len(order)), centres.shape[1], uint64(0)
+    balls, cells, numbers = np.zeros((n, 4)), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    for a in range(n):
+        ball = uint64(order[a])
+        if radii[ball] <= limit:
+            cells[count], numbers[count] = number[ball], ball
+            for axis in range(dim):
+                balls[count, axis] = centres[ball, axis]
+            balls[count, 3] = radii[ball]
+            count += uint64(1)
+    return balls[:count], cells[:count], numbers[:count]
 
 
 @njit(cache=True)
-def _counting_sort(number, n_cells):  # type: ignore[no-untyped-def]
-    """Return the balls sorted by the number of their cell, stably."""
-    begin = np.zeros(int(n_cells) + 1, dtype=np.int32)
-    for i in range(len(number)):
-        begin[number[i] + 1] += 1
-    for cell in range(len(begin) - 1):
-        begin[cell + 1] += begin[cell]
-    order = np.empty(len(number), dtype=np.int64)
-    for i in range(len(number)):
-        order[begin[number[i]]] = i
-        begin[number[i]] += 1
-    return order
-
-
-@njit(cache=True)
-def _write_pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # type: ignore[no-untyped-def]
-    """Write the overlapping pairs i < j, unsorted, up to the capacity; return their total number.
+def _write_pairs(centres, radii, largest, order, number, extent_x, extent_y, pairs):  # type: ignore[no-untyped-def]
+    """Write the overlapping pairs i < j of balls up to the largest radius; see ``_write_all_pairs``.
 
     Each ball is tested against the rest of its own row of cells and the four adjacent rows of higher numbers,
     so that each pair is tested once. Balls are visited by ascending cell number, so both ends of a range of balls only
     move forward. Unsigned indices need no test for negative ones.
     """
-    n, dim, one = uint64(len(centres)), centres.shape[1], uint64(1)
-    balls, cells = np.zeros((n, 4)), np.empty(n, dtype=np.int64)  # in the order of cells, for local memory access
-    for a in range(n):
-        ball = uint64(order[a])
-        cells[a] = number[ball]
-        for axis in range(dim):
-            balls[a, axis] = centres[ball, axis]
-        balls[a, 3] = radii[ball]
-    count, capacity = uint64(0), uint64(len(pairs))
+    balls, cells, numbers = _in_order_of_cells(centres, radii, largest, order, number)
+    n, one, count, capacity = uint64(len(cells)), uint64(1), uint64(0), uint64(len(pairs))
     for row in (0, extent_x, extent_x * (extent_y - 1), extent_x * extent_y, extent_x * (extent_y + 1)):
         begin, end = uint64(0), uint64(0)
         for a in range(n):
@@ -258,14 +217,46 @@ def _write_pairs(centres, radii, order, number, extent_x, extent_y, pairs):  # t
             end = max(begin, end)
             while end < n and cells[end] <= lowest + 2:
                 end += one
-            i, x, y, z, r = order[a], balls[a, 0], balls[a, 1], balls[a, 2], balls[a, 3]
+            i, x, y, z, r = numbers[a], balls[a, 0], balls[a, 1], balls[a, 2], balls[a, 3]
             for b in range(begin, end):
                 dx, dy, dz, reach = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2], r + balls[b, 3]
                 if dx * dx + dy * dy + dz * dz < reach * reach:
                     if count < capacity:
-                        j = order[b]
+                        j = numbers[b]
                         pairs[count, 0], pairs[count, 1] = min(i, j), max(i, j)
                     count += one
+    return count
+
+
+@njit(cache=True)
+def _add_pairs_of_large_balls(centres, radii, limit, order, number, extent_x, extent_y, count, pairs):  # type: ignore[no-untyped-def]
+    """Add the overlapping pairs of balls with r > ``limit`` to ``count`` pairs; see ``_write_all_pairs``.
+
+    A large ball is tested against its own row of cells and the eight adjacent ones.
+    """
+    balls, cells, numbers = _in_order_of_cells(centres, radii, np.inf, order, number)
+    n, one, count, capacity = uint64(len(cells)), uint64(1), uint64(count), uint64(len(pairs))
+    for layer in (-extent_x * extent_y, 0, extent_x * extent_y):
+        for row in (layer - extent_x, layer, layer + extent_x):
+            begin, end = uint64(0), uint64(0)
+            for a in range(n):
+                if balls[a, 3] <= limit:
+                    continue
+                lowest = cells[a] + row - 1
+                while begin < n and cells[begin] < lowest:
+                    begin += one
+                end = max(begin, end)
+                while end < n and cells[end] <= lowest + 2:
+                    end += one
+                i, x, y, z, r = numbers[a], balls[a, 0], balls[a, 1], balls[a, 2], balls[a, 3]
+                for b in range(begin, end):
+                    dx, dy, dz, reach = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2], r + balls[b, 3]
+                    is_first = balls[b, 3] <= limit or b > a  # a pair of large balls is found from both sides
+                    if is_first and dx * dx + dy * dy + dz * dz < reach * reach:
+                        if count < capacity:
+                            j = numbers[b]
+                            pairs[count, 0], pairs[count, 1] = min(i, j), max(i, j)
+                        count += one
     return count
 
 

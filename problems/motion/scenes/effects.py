@@ -107,7 +107,7 @@ class Gravity(Force):
 
     def accelerate(self, centres: FloatArray, velocities: FloatArray, masses: FloatArray) -> FloatArray:
         """Return −g along the last axis [m/s²]."""
-        accelerations = np.zeros_like(centres)
+        accelerations = np.zeros(centres.shape)
         accelerations[:, -1] = -self.acceleration
         return accelerations
 

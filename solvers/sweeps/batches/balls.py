@@ -89,11 +89,13 @@ def balls_of(problem: ContactProblem) -> Balls | None:
         return None
     if not factors.inverse_mass.is_diagonal or not layout.is_dense or not layout.bounds_are_own:
         return None
+    if layout.has_fixed_bounds:
+        return None
     inverse_masses = np.zeros(pieces.n_chunks + 1)
     spin_ratio = float(
         _find_inverse_masses_and_spin_ratio(factors.inverse_mass.matrix.data, contacts.radii, inverse_masses)
     )
-    if spin_ratio <= 0.0 or layout.fixed_bound.any():
+    if spin_ratio <= 0.0:
         return None
     return Balls(pieces, contacts, inverse_masses, spin_ratio)
 
@@ -156,7 +158,7 @@ class BallIterates(MomentumState, WindowedIterates):
         self._impulses = np.zeros(3 * len(sweep.bodies) // 2)
         self._impulses[sweep.slots] = start
         self._motion = sweep.balls.motion(start)
-        self._change = np.zeros_like(self._impulses)
+        self._change = np.zeros(len(self._impulses))
         self._previous_motion = aligned_copy(self._motion) if momentum > 0.0 else self._motion
         self._relative_velocity = np.empty(len(start))
         self._residual: Residual | None = None

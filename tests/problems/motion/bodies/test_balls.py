@@ -1,5 +1,7 @@
 """Ball systems: W is the derivative of the gap, and bodies have the degrees of freedom that their effects require."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from proxbench.problems import ProblemError
@@ -33,6 +35,22 @@ def test_degrees_of_freedom_and_rows_are_what_the_effects_ask_for(
     assert contacts is not None
     assert system.dofs_per_ball == dofs
     assert contacts.directions.to_csc().shape == (dofs * system.n_balls, rows * len(contacts.keys))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("friction", [None, 0.3])
+def test_balls_fall_and_move_as_free_bodies(dimension: int, friction: float | None) -> None:
+    """An acceleration may be one vector for all balls; ω and other velocities change no position."""
+    system, position = heap(dimension, friction)
+    gravity = np.append(np.zeros(dimension - 1), -9.81)
+    falling = replace(system, accelerations=(lambda *_: gravity, lambda centres, *_: np.ones_like(centres)))
+    velocity = np.random.default_rng(1).normal(size=system.n_balls * system.dofs_per_ball)
+    free, moved = falling.assemble(position, velocity, 0.1).free_motion, falling.move(position, velocity, 0.1)
+    change = (free - velocity).reshape(system.n_balls, -1)
+    assert change[:, :dimension] == pytest.approx(np.tile(0.1 * (gravity + 1.0), (system.n_balls, 1)))
+    assert not change[:, dimension:].any()
+    translations = velocity.reshape(system.n_balls, -1)[:, :dimension]
+    assert moved == pytest.approx(position + 0.1 * translations.ravel())
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from proxbench.problems.motion.detection import broad_phase
 from proxbench.problems.motion.detection.broad_phase import (
-    CELLS_PER_BALL,
     MAX_QUERIES,
     MAX_SKIN,
     MIN_QUERIES,
     MIN_SKIN,
     SPEED_MARGIN,
     NearPairs,
-    _cell_numbers,
-    _occupied_cell_numbers,
+    _largest_radii,
     near_bodies,
     overlapping_pairs,
 )
@@ -34,6 +31,32 @@ def test_broad_phase_agrees_with_testing_every_pair(seed: int, n: int, dim: int,
     rng = np.random.default_rng(seed)
     centres, radii = rng.normal(size=(n, dim)) * spread, rng.uniform(0.2, 1.0, n)
     assert np.array_equal(overlapping_pairs(centres, radii), every_pair(centres, radii))
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**31), n=st.integers(10, 80), dim=st.sampled_from([2, 3]), ratio=st.floats(1.5, 6.0))
+def test_pairs_with_a_few_large_balls_are_those_of_testing_every_pair(
+    seed: int, n: int, dim: int, ratio: float
+) -> None:
+    """A tenth of the balls are large, some of which overlap each other."""
+    rng = np.random.default_rng(seed)
+    centres, radii = rng.uniform(0.0, 2.0 * n ** (1.0 / dim), (n, dim)), rng.uniform(0.4, 0.5, n)
+    large = rng.choice(n, n // 10, replace=False)
+    radii[large] *= ratio
+    centres[large] *= 0.5
+    limit = _largest_radii(radii)[1]
+    assert set(np.flatnonzero(radii > limit)) in (set(), set(large))
+    assert np.array_equal(overlapping_pairs(centres, radii), every_pair(centres, radii))
+
+
+def test_a_few_large_balls_do_not_widen_the_cells_of_all_others() -> None:
+    """With 5 % of large balls, the others are searched in narrow cells; with 50 %, all balls are in wide ones."""
+    radii = np.ones(100)
+    radii[:5] = 2.0
+    assert _largest_radii(radii) == (2.0, pytest.approx(1.15 * 1.05))
+    radii[:50] = 2.0
+    assert _largest_radii(radii) == (2.0, 2.0)
+    assert _largest_radii(np.ones(100)) == (1.0, 1.0)
 
 
 @settings(max_examples=60, deadline=None)
@@ -62,18 +85,6 @@ def test_a_dense_heap_larger_than_the_first_guess_is_found_whole(n: int, dim: in
     assert np.array_equal(pairs, np.column_stack(np.triu_indices(n, 1)))
 
 
-def test_sorting_cells_by_counting_or_comparing_finds_the_same_pairs() -> None:
-    """With a distant ball there are too many cells to sort them by counting."""
-    rng = np.random.default_rng(5)
-    centres, radii = rng.uniform(0.0, 6.0, (80, 3)), rng.uniform(0.3, 0.6, 80)
-    assert _cell_numbers(centres, 1.2)[3] <= CELLS_PER_BALL * 80
-    far = np.vstack([centres, [[0.0, 0.0, -1e5]]])
-    assert _cell_numbers(far, 1.2)[3] > CELLS_PER_BALL * 81
-    found = overlapping_pairs(centres, radii)
-    assert len(found) > 30
-    assert np.array_equal(found, overlapping_pairs(far, np.append(radii, 0.5)))
-
-
 def test_distant_ball_needs_no_memory_and_adds_no_pairs() -> None:
     centres = np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, -1e6]])
     assert overlapping_pairs(centres, np.full(3, 0.3)).tolist() == [[0, 1]]
@@ -92,17 +103,6 @@ def test_pairs_are_found_at_any_distance_from_each_other(extent: float, dim: int
     assert np.array_equal(pairs, every_pair(centres, radii))
 
 
-@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
-def test_balls_at_nonfinite_positions_have_no_cells(value: float) -> None:
-    centres = np.random.default_rng(7).uniform(0.0, 3.0, (30, 3))
-    centres[11, 1] = value
-    assert _cell_numbers(centres, 1.0)[3] == np.inf
-    radii = np.full(30, 0.5)
-    found, expected = overlapping_pairs(centres, radii), every_pair(np.delete(centres, 11, axis=0), radii[1:])
-    assert np.array_equal(found, expected + (expected >= 11))
-    assert overlapping_pairs(np.full((30, 3), value), radii).shape == (0, 2)
-
-
 @pytest.mark.parametrize("far", [-1e16, 1e16, 1e300])
 def test_a_distant_ball_does_not_hide_a_pair_by_rounding(far: float) -> None:
     for axis in range(3):
@@ -111,27 +111,6 @@ def test_a_distant_ball_does_not_hide_a_pair_by_rounding(far: float) -> None:
         assert overlapping_pairs(centres, np.full(3, 0.5)).tolist() == [[1, 2]]
     spread = np.array([[-1e308, 0.0], [1e308, 0.0], [1e308, 0.9]])
     assert overlapping_pairs(spread, np.full(3, 0.5)).tolist() == [[1, 2]]
-
-
-@pytest.mark.parametrize("value", [-np.inf, 1e16, -1e300])
-def test_a_ball_far_from_all_others_does_not_add_candidates(value: float) -> None:
-    """In a cube of 1000 balls, a cell and its neighbours hold a small part of the pairs."""
-    centres = np.random.default_rng(9).uniform(0.0, 10.0, (1000, 3))
-    centres[0, 1] = value
-    kept = centres[np.isfinite(centres).all(axis=1)]
-    _, counts = np.unique(_occupied_cell_numbers(kept, 1.0)[0], return_counts=True)
-    assert counts.max() <= 10
-
-
-def test_merging_cells_that_are_too_many_keeps_all_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(3)
-    scattered = rng.uniform(0.0, 1e10, (200, 3))
-    centres = np.vstack([scattered, scattered + rng.uniform(-0.5, 0.5, scattered.shape)])
-    expected, radii = every_pair(centres, np.full(400, 0.5)), np.full(400, 0.5)
-    monkeypatch.setattr(broad_phase, "MAX_CELLS", 1e5)
-    number, *_ = _occupied_cell_numbers(centres, 1.0)
-    assert 0 <= number.min() <= number.max() < 1e5
-    assert np.array_equal(overlapping_pairs(centres, radii), expected)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -145,15 +124,6 @@ def test_a_pair_is_found_in_whichever_neighbouring_cells_its_balls_lie(dim: int)
             for corner in rng.uniform(-1.0, 1.0, (20, dim)):
                 centres = np.array([ends[0], corner, corner + step, ends[1]])
                 assert overlapping_pairs(centres, np.full(4, 0.5)).tolist() == [[1, 2]]
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_cells_along_the_first_axis_have_consecutive_numbers(dim: int) -> None:
-    """Each ball has few candidates; if a row of cells were one range, all balls of the row would be candidates."""
-    centres = np.zeros((5, dim))
-    centres[:, 0] = 0.5 + np.arange(5)
-    number, *_ = _cell_numbers(centres, 1.0)
-    assert np.diff(number).tolist() == [1, 1, 1, 1]
 
 
 @pytest.mark.parametrize("step", [0.0, 0.1, 0.4, 0.6, 1.5, 5.0, 20.0])
@@ -215,5 +185,6 @@ def test_a_fast_ball_does_not_widen_the_search_margins_of_slow_ones() -> None:
     centres = np.vstack([grid, [[-3.0, 4.4, 5.5]]])
     near, step = NearPairs(np.ones(126)), np.zeros((126, 3))
     step[-1, 0] = 0.2
-    counts = [len(near.at(centres + look * step)) for look in range(60)]
-    assert 0 < max(counts) <= 12
+    pairs = np.vstack([near.at(centres + look * step) for look in range(60)])
+    assert len(pairs) > 0
+    assert (pairs == 125).any(axis=1).all()
