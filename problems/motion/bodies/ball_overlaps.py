@@ -10,6 +10,9 @@ from ...arrays import FloatArray, IntArray
 from ...compilation.kernel_arrays import copy_entries
 from .surfaces import SurfaceContacts
 
+ROUNDED_UP = 1.0 + 1e-9
+"""Factor of a squared distance that exceeds its rounding error; the branch beyond it is taken rarely."""
+
 
 class DetectedContacts(NamedTuple):
     """Overlaps of balls with balls and surfaces, ordered by key.
@@ -42,10 +45,10 @@ def is_deeper(near, centres, radii, tolerated):  # type: ignore[no-untyped-def]
     """Return whether a pair overlaps by more than ``tolerated``."""
     for k in range(len(near)):
         i, j = uint64(near[k, 0]), uint64(near[k, 1])  # unsigned indices need no test for negative ones
-        reach = radii[i] + radii[j]
+        limit = radii[i] + radii[j] - tolerated
         x, y, z = _difference(centres, i, j)
         squared = x * x + y * y + z * z
-        if squared < reach * reach and np.sqrt(squared) - radii[i] - radii[j] < -tolerated:
+        if squared < ROUNDED_UP * limit * limit and np.sqrt(squared) - radii[i] - radii[j] < -tolerated:
             return True
     return False
 
