@@ -11,7 +11,7 @@ from ...problems.contact.judge import judge
 from ...problems.errors import ProxbenchError
 from ...problems.exchange.catalog import load
 from ...problems.exchange.families import family_of
-from ..store.outcome import BAD_OUTCOMES, Cell, Outcome
+from ..store.outcome import BAD_OUTCOMES, WRONG_FACTOR, Cell, Outcome
 from .layout.text import counted, inline, markdown_table
 
 MARKS = {
@@ -39,9 +39,10 @@ _NONE_BAD = "No solver makes a wrong claim, returns numbers that are not finite,
 _PAGE = """\
 # What each solver can solve
 
-{state}{counts}. A cell is solved if the judged residual is at most {tolerance:g}, infeasible if the solver reports \
-that there is no solution, and relaxed if the answer satisfies the solver's own model, but not Coulomb friction. \
-The command `{command}` writes this page. Which cells reach the time limit depends on the machine.
+{state}{counts}. The tolerance is {tolerance:g}. A cell is solved if the solver reports a solution and the judged \
+residual is at most {limit:g}, infeasible if the solver reports that there is none, and relaxed if the answer \
+satisfies the solver's own model, but not Coulomb friction. The command `{command}` writes this page. \
+Which cells reach the time limit depends on the machine.
 
 {summary}
 {grid}
@@ -97,6 +98,7 @@ def matrix_page(cells: Sequence[Cell], tolerance: float, command: str, state: st
         counts=f"{counted(frame['problem'].nunique(), 'problem')}, {counted(frame['solver'].nunique(), 'solver')}, "
         f"{counted(len(frame), 'cell')}",
         tolerance=tolerance,
+        limit=WRONG_FACTOR * tolerance,
         command=command,
         summary=_summary(frame),
         grid=grid,
@@ -197,21 +199,23 @@ def _unsolved(frame: pd.DataFrame, tolerance: float) -> str:
     for name, cells in frame.groupby("problem", sort=False):
         if (cells["outcome"] == Outcome.SOLVED).any():
             continue
-        best = cells.iloc[int(cells["residual"].fillna(math.inf).argmin())]
-        lines.append(f"* {name}: {_why_unsolved(str(name), best, tolerance)}")
+        lines.append(f"* {name}: {_why_unsolved(str(name), cells, tolerance)}")
     return "\n".join(lines) or "Each problem is solved by at least one solver."
 
 
-def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
-    """Return why no solver solves a problem, of which ``best`` is the cell with the smallest judged residual."""
-    nearest_text = f"{best['solver']} comes nearest, to {best['residual']:.1e}: {best['reason']}."
+def _why_unsolved(name: str, cells: pd.DataFrame, tolerance: float) -> str:
+    """Return why no solver solves a problem with these cells."""
+    best = cells.iloc[int(cells["residual"].fillna(math.inf).argmin())]
+    nearest_text = _nearest_text(best)
     try:
         problem = load(name)
     except ProxbenchError:  # a run may contain problems that are in no catalogue
         return nearest_text
     answer = problem.answer
     if answer is not None and not answer.solvable:
-        return "it has no solution, and no solver claims one."
+        wrong = [f"`{solver}`" for solver in cells.loc[cells["outcome"] == Outcome.WRONG, "solver"]]
+        claims = f"{_solver_names(wrong)} wrongly {'claims' if len(wrong) == 1 else 'claim'} one"
+        return f"it has no solution, {'but ' + claims if wrong else 'and no solver claims one'}."
     if answer is not None and answer.impulses and problem.n_rows:
         floor = min(judge(problem, impulses).residual for impulses in answer.impulses)
         if floor > tolerance:
@@ -220,6 +224,14 @@ def _why_unsolved(name: str, best: "pd.Series[Any]", tolerance: float) -> str:
                 f"{best['solver']} reaches {best['residual']:.1e}."
             )
     return nearest_text
+
+
+def _nearest_text(best: "pd.Series[Any]") -> str:
+    """Return a sentence on the cell with the smallest judged residual, which is NaN if no solver returned impulses."""
+    reason = str(best["reason"]).removesuffix(".")
+    if math.isnan(best["residual"]):
+        return f"no solver returns impulses; {best['solver']}: {reason}."
+    return f"{best['solver']} comes nearest, to {best['residual']:.1e}: {reason}."
 
 
 def _reasons(frame: pd.DataFrame) -> str:

@@ -18,6 +18,7 @@ from ...plugins.remote_solver import FailedSolveError, RemoteSolver
 from ...simulation.generation.generate import generate_missing
 from ...store.outcome import Cell, Outcome, claim_reason, point_outcome, verdicts
 from ..plan import DEFAULT_SOLVERS
+from ..refutation import without_refuted_claims
 from ..selection import problem_name
 
 PREPARATION_SECONDS = 60.0
@@ -48,7 +49,8 @@ def measure_matrix(
         on_cell: called with each finished cell.
 
     Returns:
-        The cells of each solver in turn, in the order of the problems.
+        The cells of each solver in turn, in the order of the problems. A claim that a problem has no solution is wrong
+        if a solution of the solver's model is known, from the problem or from another solver.
 
     Raises:
         ProxbenchError: for an unknown problem or solver.
@@ -64,7 +66,10 @@ def measure_matrix(
             for name, problem in resolved.items():
                 cells.append(_cell(remote, name, problem, stop))
                 on_cell(cells[-1])
-    return cells
+    models = {solver.name: solver.model for solver in specs}
+    answers = {name: problem.answer for name, problem in resolved.items()}
+    is_solvable = {name: None if answer is None else answer.solvable for name, answer in answers.items()}
+    return without_refuted_claims(cells, models, is_solvable)
 
 
 def _cell(solver: RemoteSolver, name: str, problem: ContactProblem, stop: Stop) -> Cell:

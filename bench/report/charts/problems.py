@@ -68,7 +68,7 @@ FILLED_OUTCOMES = (Outcome.SOLVED.value, Outcome.RELAXED.value)
 
 COST_NOTE = (
     "Each curve is a solver, each mark a solve: lower is faster, further to the right is more accurate. "
-    "Vertical lines are quartiles, hollow marks do not reach their tolerance, × is a wrong claim."
+    "Vertical lines are quartiles, hollow marks are solves that fail, × is a wrong claim."
 )
 """Explanation of the chart of cost against accuracy."""
 

@@ -1,6 +1,7 @@
 """Text in reports: counts, JSON, and escaped text in Markdown, LaTeX and CSV."""
 
 import json
+import math
 import re
 import shutil
 from collections.abc import Iterable, Sequence
@@ -78,8 +79,17 @@ def titled_names(title: str, names: Sequence[str], max_names: int) -> str:
 
 
 def print_json(document: Any) -> None:
-    """Print one JSON document."""
-    print(json.dumps(document, indent=1, ensure_ascii=False), flush=True)
+    """Print one JSON document, with null for numbers that are not finite."""
+    print(json.dumps(_with_finite_numbers(document), indent=1, ensure_ascii=False, allow_nan=False), flush=True)
+
+
+def _with_finite_numbers(document: Any) -> Any:
+    """Return a document whose NaN and infinite numbers are None, because JSON has none."""
+    if isinstance(document, dict):
+        return {key: _with_finite_numbers(value) for key, value in document.items()}
+    if isinstance(document, list | tuple):
+        return [_with_finite_numbers(value) for value in document]
+    return None if isinstance(document, float) and not math.isfinite(document) else document
 
 
 def json_records(table: Any) -> list[dict[str, Any]]:

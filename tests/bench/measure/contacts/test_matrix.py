@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cheating_solvers import LateInPrepare
+from cheating_solvers import Answering, LateInPrepare
 from handmade_fclib import M, W, global_data, local_data, matrix_data, write_data
 from misbehaving_solvers import Misbehaving
 from proxbench.bench.cli.main import run_command
@@ -116,6 +116,33 @@ def test_a_page_names_bad_outcomes_only_where_there_are_any() -> None:
     page = matrix_page([solved, wrong, replace(wrong, problem="hard-squeezed", is_finite=False)], 1e-8, "")
     assert "| `S` | 1 | 2 wrong, 1 not finite |" in page
     assert "No cell is" not in page
+
+
+def test_the_page_names_solvers_that_claim_a_solution_where_there_is_none() -> None:
+    honest = Cell("hard-squeezed", "Honest", Outcome.INFEASIBLE, 1.0)
+    assert "it has no solution, and no solver claims one." in matrix_page([honest], 1e-8, "")
+    wrong = Cell("hard-squeezed", "Wrong", Outcome.WRONG, 1.0, reason="claimed 1e-08, but judged 1.0e+00")
+    assert "it has no solution, but `Wrong` wrongly claims one." in matrix_page([honest, wrong], 1e-8, "")
+
+
+def test_the_page_says_that_no_solver_returns_impulses() -> None:
+    page = matrix_page([Cell("unknown", "S", Outcome.UNSUPPORTED, reason="it has rolling friction.")], 1e-8, "")
+    assert "* unknown: no solver returns impulses; S: it has rolling friction.\n" in page
+
+
+def test_the_page_states_the_residual_up_to_which_claims_count() -> None:
+    """A claim counts as wrong above ten times the tolerance."""
+    page = matrix_page([Cell("hard-groove", "S", Outcome.SOLVED, 8e-6)], 1e-6, "")
+    assert "The tolerance is 1e-06." in page
+    assert "the judged residual is at most 1e-05" in page
+
+
+def test_a_false_claim_that_there_is_no_solution_is_wrong() -> None:
+    """Known answers and solutions of other solvers refute such claims; hard-squeezed has no solution."""
+    names = ["hard-groove", "hard-squeezed"]
+    found = measure_matrix(names, [Answering(name="Hopeless")], Stop(1e-6, 100, 5.0))
+    assert [cell.outcome for cell in found] == [Outcome.WRONG, Outcome.INFEASIBLE]
+    assert count_bad(found) == 1
 
 
 def test_crashing_solver_affects_only_its_own_cell() -> None:
