@@ -73,12 +73,14 @@ _ROLLING_OF_ROWS = (LawKind.PLANAR_ROLLING, LawKind.SPATIAL_ROLLING, LawKind.ROL
 _UNILATERAL, _BILATERAL, _PLANAR_ROLLING = map(int, (LawKind.UNILATERAL, LawKind.BILATERAL, LawKind.PLANAR_ROLLING))
 """Plain numbers: NumPy compares them six times as fast as members of an enumeration."""
 
+FEW_CONTACTS, MANY_CONTACTS = 64, 4096
+"""Numbers of contacts of equal friction up to which their laws are cached, in a larger and in a smaller cache."""
+
 BYTES_PER_LAW = 90.0
 """Memory that is needed at least to make a law."""
 
 _KNOWN = "one of " + ", ".join(f"{kind.value} ({kind.description})" for kind in LawKind)
 """The valid kinds, for an error message."""
-
 
 _FIELDS = {
     "kind": np.int8,
@@ -287,7 +289,9 @@ class Laws(ReadOnlyRecord):
         check_count("n_contacts", n_contacts)
         mu = frozen(friction, np.float64, "friction")
         if mu.ndim == 0 and 0.0 <= mu < np.inf:
-            return _equal_laws(float(mu) + 0.0, int(dim), int(n_contacts))  # −0 would change the digest of problems
+            make = _some_equal_laws if n_contacts <= MANY_CONTACTS else _equal_laws
+            make = _few_equal_laws if n_contacts <= FEW_CONTACTS else make
+            return make(float(mu) + 0.0, int(dim), int(n_contacts))  # −0 would change the digest of problems
         try:
             coefficient = np.broadcast_to(mu, (n_contacts,))
         except ValueError:
@@ -373,14 +377,14 @@ def _laws_of_contacts(coefficient: FloatArray, dim: int) -> Laws:
     return Laws.in_order(np.tile([0, dim - 1], n_contacts), mu, np.zeros(2 * n_contacts), partner)
 
 
-@lru_cache(maxsize=256)
 def _equal_laws(friction: float, dim: int, n_contacts: int) -> Laws:
-    """Return contacts of one μ as the first part of a longer list, which has been validated before.
-
-    The same object is returned for the same arguments, so that its layout is computed only once.
-    """
-    capacity = max(64, 1 << (n_contacts - 1).bit_length()) if n_contacts else 64
+    """Return contacts of one μ as the first part of a longer list, which has been validated before."""
+    capacity = max(FEW_CONTACTS, 1 << (n_contacts - 1).bit_length()) if n_contacts else FEW_CONTACTS
     return _many_equal_laws(friction, dim, capacity)._first(n_contacts if dim == 1 else 2 * n_contacts)
+
+
+_few_equal_laws, _some_equal_laws = (lru_cache(maxsize=size)(_equal_laws) for size in (256, 64))
+"""Return the same object for the same arguments, so that its layout is computed only once."""
 
 
 @lru_cache(maxsize=16)

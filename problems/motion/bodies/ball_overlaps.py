@@ -10,8 +10,8 @@ from ...arrays import FloatArray, IntArray
 from ...compilation.kernel_arrays import copy_entries
 from .surfaces import SurfaceContacts
 
-ROUNDED_UP = 1.0 + 1e-9
-"""Factor of a squared distance that exceeds its rounding error; the branch beyond it is taken rarely."""
+ROUNDING = 1e-9
+"""Bound of the rounding errors of a distance, relative to the sum of two radii."""
 
 
 class DetectedContacts(NamedTuple):
@@ -45,10 +45,13 @@ def is_deeper(near, centres, radii, tolerated):  # type: ignore[no-untyped-def]
     """Return whether a pair overlaps by more than ``tolerated``."""
     for k in range(len(near)):
         i, j = uint64(near[k, 0]), uint64(near[k, 1])  # unsigned indices need no test for negative ones
-        limit = radii[i] + radii[j] - tolerated
+        reach = radii[i] + radii[j]
+        limit = max(reach - tolerated + ROUNDING * reach, 0.0)
         x, y, z = _difference(centres, i, j)
         squared = x * x + y * y + z * z
-        if squared < ROUNDED_UP * limit * limit and np.sqrt(squared) - radii[i] - radii[j] < -tolerated:
+        if not squared < min(limit, reach) ** 2:  # usually, so that few roots are needed
+            continue
+        if np.sqrt(squared) - radii[i] - radii[j] < -tolerated:
             return True
     return False
 

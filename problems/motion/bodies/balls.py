@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
-from ...arrays import FloatArray, IntArray
+from ...arrays import FloatArray, IntArray, real_numbers
 from ...contact.laws import Laws
 from ...contact.matrices.ball_contacts import BallContacts, BallNormals
 from ...contact.matrices.contact_frame import write_frame
@@ -185,11 +185,11 @@ class BallSystem:
             seconds: duration of the step [s].
         """
         centres = self.centres(midpoint)
-        free = self.twists(velocity).copy()
+        free = np.array(self.twists(velocity), dtype=np.float64)
         translation = self.twists(velocity)[:, : self.dimension]
         for acceleration in self.accelerations:
-            accelerations = acceleration(centres, translation, self.masses)
-            if np.shape(accelerations) != centres.shape:
+            accelerations = real_numbers(acceleration(centres, translation, self.masses), "accelerations")
+            if accelerations.shape != centres.shape:
                 accelerations = np.broadcast_to(accelerations, centres.shape).copy()
             _accelerate(free, np.ascontiguousarray(accelerations, dtype=np.float64), seconds)
         contacts = self._contacts(centres)

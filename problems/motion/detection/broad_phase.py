@@ -1,8 +1,8 @@
 """Detection of overlapping balls or bounding spheres by a cell list, in time and memory proportional to their number.
 
-Cells are as wide as the largest ball. Balls are sorted by the number of their cell. Neighbours along the first axis
-have consecutive numbers, so the search visits a few ranges of cells per ball. The starts of these ranges only
-move forward. If few balls are much larger than the others, the others are searched in cells of their own size, and
+Cells are as wide as the largest ball that is searched in them. Balls are sorted by the number of their cell. Neighbours
+along the first axis have consecutive numbers, so the search visits a few ranges of cells per ball. The starts of these
+ranges only move forward. If few balls are much larger than the others, the others are searched in narrower cells, and
 the large ones in wide cells.
 """
 
@@ -15,8 +15,12 @@ from .cells import Cells, sort_into_cells
 USUAL_PAIRS = 8
 """Initial capacity in pairs per ball; equal balls that do not interpenetrate have at most 6."""
 
-MIN_SKIN, MAX_SKIN = 0.025, 2.0
+MIN_SKIN, MAX_SKIN = 0.025, 0.75
 """Bounds of the skin of a ball, relative to the smallest radius."""
+
+MAX_SKIN_OF_FEW, FEW = 2.0, 0.15
+"""Upper bound of the skin in place of ``MAX_SKIN``, if the share of balls whose skins exceed ``MAX_SKIN`` is at most
+``FEW``: a few wide skins add few pairs."""
 
 MIN_QUERIES, MAX_QUERIES = 3.0, 15.0
 """Bounds of the number of queries for which a search should remain valid. A step makes one query for contacts, one for
@@ -42,7 +46,7 @@ class NearPairs:
     def __init__(self, radii: FloatArray) -> None:
         self._radii = radii
         smallest = float(radii.min(initial=np.inf))
-        self._bounds = MIN_SKIN * smallest, MAX_SKIN * smallest
+        self._bounds = MIN_SKIN * smallest, MAX_SKIN * smallest, MAX_SKIN_OF_FEW * smallest
         self._skins, self._queries = np.full(len(radii), self._bounds[0]), 0
         self._last_search: tuple[FloatArray, IntArray] | None = None
 
@@ -80,7 +84,7 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
     n = len(centres)
     if n < 2:
         return np.zeros((0, 2), dtype=np.int64)
-    largest, largest_of_small = _largest_radii(radii)
+    largest, largest_of_small = _limits_of_radii(radii)
     cells = sort_into_cells(centres, largest_of_small)
     if cells is None:
         finite = np.flatnonzero(np.isfinite(centres).all(axis=1))
@@ -96,8 +100,8 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
     return pairs
 
 
-def _largest_radii(radii: FloatArray) -> tuple[float, float]:
-    """Return the largest radius, and the largest radius of small balls, which is less if large balls are few."""
+def _limits_of_radii(radii: FloatArray) -> tuple[float, float]:
+    """Return the largest radius, and a limit of the radii of small balls, which is less if large balls are few."""
     largest, limit = float(radii.max()), LARGE_RATIO * float(radii.mean())
     if not limit < largest:
         return largest, largest
@@ -143,9 +147,9 @@ LARGE_RATIO = 1.15
 """Ratio of the radius of a large ball to the mean radius."""
 
 MAX_SHARE_OF_TESTS = 0.6
-"""Largest share of the tests of pairs in wide cells for which small and large balls are searched separately. A small
-ball is tested in a volume that is smaller by the cube of the ratio of the widths, and a large one in all neighbouring
-cells instead of half of them."""
+"""Largest estimated share of the tests of pairs in wide cells for which small and large balls are searched separately.
+In space, a small ball is tested in a volume that is smaller by the cube of the ratio of the widths. A large one is
+tested in all neighbouring cells instead of half of them."""
 
 
 @njit(cache=True)
@@ -162,7 +166,7 @@ def _are_within(skins, centres, moved_centres):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _skins(centres, moved_centres, queries, smallest, largest):  # type: ignore[no-untyped-def]
+def _skins(centres, moved_centres, queries, smallest, largest, largest_of_few):  # type: ignore[no-untyped-def]
     """Return the skins for balls that moved from ``centres`` to ``moved_centres`` within a number of queries."""
     n, dim = centres.shape
     skins, farthest = np.empty(n), 0.0
@@ -172,13 +176,24 @@ def _skins(centres, moved_centres, queries, smallest, largest):  # type: ignore[
             squared += (centres[i, axis] - moved_centres[i, axis]) ** 2
         skins[i] = SPEED_MARGIN * np.sqrt(squared) / queries  # for one query
         farthest = max(farthest, skins[i])
-    n_queries = MIN_QUERIES
-    if MIN_QUERIES * farthest < largest:
-        n_queries = MAX_QUERIES if MAX_QUERIES * farthest < largest else largest / farthest
+    n_queries, n_wide = _queries_for(farthest, largest_of_few), 0
+    for i in range(n):
+        n_wide += n_queries * skins[i] > largest
+    bound = largest_of_few
+    if n_wide > FEW * n:
+        bound, n_queries = largest, _queries_for(farthest, largest)
     for i in range(n):
         skin = n_queries * skins[i]
-        skins[i] = smallest if not skin > smallest else min(skin, largest)
+        skins[i] = smallest if not skin > smallest else min(skin, bound)
     return skins
+
+
+@njit(cache=True)
+def _queries_for(farthest, largest):  # type: ignore[no-untyped-def]
+    """Return for how many queries skins suffice if the fastest ball moves by ``farthest`` in each, within bounds."""
+    if not MIN_QUERIES * farthest < largest:
+        return MIN_QUERIES
+    return MAX_QUERIES if MAX_QUERIES * farthest < largest else largest / farthest
 
 
 @njit(cache=True)

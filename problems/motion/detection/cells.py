@@ -1,7 +1,7 @@
 """Cells in which balls are sorted for the search for overlapping pairs.
 
-Cells are as wide as the largest ball, so that overlapping balls are in the same cell or in neighbouring ones. The cells
-along the first axis have consecutive numbers.
+Cells are as wide as the largest ball that is searched in them, so that such balls are in the same cell or in
+neighbouring ones if they overlap. The cells along the first axis have consecutive numbers.
 """
 
 from typing import NamedTuple
@@ -88,13 +88,14 @@ def _cell_numbers(centres, width):  # type: ignore[no-untyped-def]
     cells = np.ones((n, 3), dtype=np.int64)
     extent, n_cells = np.zeros(3, dtype=np.int64), 1.0
     for axis in range(3):
-        lowest, highest = np.inf, -np.inf
+        lowest, highest, nan = np.inf, -np.inf, 0.0
         if axis < dim:
             for i in range(n):
                 lowest, highest = min(lowest, centres[i, axis]), max(highest, centres[i, axis])
+                nan += 0.0 * centres[i, axis]  # NaN for a coordinate that is not finite
             n_along = np.floor((highest - lowest) / width) + 3.0
             n_cells *= n_along
-            if not (n_cells < MAX_CELLS and n_along < MAX_EXTENT):
+            if nan != 0.0 or not (n_cells < MAX_CELLS and n_along < MAX_EXTENT):
                 return np.empty(n, dtype=np.int64), 0, 0, np.inf
         for i in range(n):
             if axis < dim:

@@ -1,5 +1,7 @@
 """Laws are consistent, and inconsistencies are named."""
 
+import gc
+import weakref
 from dataclasses import fields
 
 import numpy as np
@@ -169,6 +171,17 @@ def test_the_laws_of_few_equal_contacts_are_made_once() -> None:
     assert Laws.contacts(0.25, 3, 7) is Laws.contacts(0.25, 3, 7)
     assert Laws.contacts(0.25, 3, 7) is not Laws.contacts(0.25, 2, 7)
     assert Laws.contacts(0.25, 2, 7).friction_coefficient[1] == 0.25
+
+
+def test_laws_of_many_equal_contacts_are_kept_only_while_they_are_in_use() -> None:
+    """Those of a thousand contacts are kept longer than those of 5000, because they take less memory."""
+    assert Laws.contacts(0.125, 3, 1000) is Laws.contacts(0.125, 3, 1000)
+    for n_contacts, n_others in ((1000, 70), (5000, 20)):
+        reference = weakref.ref(Laws.contacts(0.125, 3, n_contacts))
+        for number in range(n_others):
+            Laws.contacts(0.5 + 0.01 * number, 3, n_contacts)
+        gc.collect()
+        assert reference() is None
 
 
 def test_counts_name_each_kind_of_law_that_occurs() -> None:

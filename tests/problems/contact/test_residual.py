@@ -75,3 +75,18 @@ def test_an_additional_row_of_zeros_does_not_change_the_violation_of_a_law(n_row
         held, moved = rng.normal(size=(2, 1 + n_rows))
         fewer = residuals[0].of_laws(held, moved)
         assert residuals[1].of_laws(np.append(held, 0.0), np.append(moved, 0.0)) == pytest.approx(fewer, rel=1e-13)
+
+
+def test_a_contact_whose_normal_impulse_changes_no_velocity_has_the_scale_of_its_friction() -> None:
+    """G is zero in the normal rows of both contacts; the second one has no friction either."""
+    delassus = np.diag([0.0, 2.0, 3.0, 0.0])
+    laws = Laws.concatenate([Laws.contacts(0.5, 3, 1), Laws.contacts(0.0, 1, 1)])
+    residual = Residual(ContactProblem.from_delassus(delassus, np.ones(4), laws=laws))
+    assert residual.alpha.tolist() == [3.0, 3.0, 0.0]
+    assert residual.lengths.tolist() == [1.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("size", [1e-200, 1e-150, 1.0, 1e150, 1e200])
+def test_the_scale_of_a_contact_is_the_norm_of_its_free_velocity_at_any_size(size: float) -> None:
+    problem = ContactProblem.from_delassus(np.eye(3), size * np.array([-1.0, 3.0, 4.0]), 0.5)
+    assert Residual(problem).speeds == pytest.approx(size * np.array([1.0, 5.0]), rel=1e-15)

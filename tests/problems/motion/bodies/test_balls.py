@@ -1,6 +1,7 @@
 """Ball systems: W is the derivative of the gap, and bodies have the degrees of freedom that their effects require."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,6 +52,21 @@ def test_balls_fall_and_move_as_free_bodies(dimension: int, friction: float | No
     assert not change[:, dimension:].any()
     translations = velocity.reshape(system.n_balls, -1)[:, :dimension]
     assert moved == pytest.approx(position + 0.1 * translations.ravel())
+
+
+@pytest.mark.parametrize("accelerations", [None, "1.5", np.array(1.0j), np.ma.masked_array([1.0], [True])])
+def test_accelerations_that_are_no_real_numbers_are_refused(accelerations: Any) -> None:
+    system, position = heap(3, None)
+    system = replace(system, accelerations=(lambda *_: accelerations,))
+    with pytest.raises(ProblemError, match="accelerations"):
+        system.assemble(position, np.zeros(120), 0.1)
+
+
+def test_balls_with_velocities_in_whole_numbers_are_accelerated() -> None:
+    system, position = heap(3, None)
+    system = replace(system, accelerations=(lambda centres, *_: np.full_like(centres, -9.81),))
+    step = system.assemble(position, np.ones(120, dtype=np.int64), 0.1)
+    assert step.free_motion == pytest.approx(np.full(120, 0.019))
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -133,6 +149,29 @@ def test_overlaps_are_reported_down_to_the_deepest_gap_exactly(surfaces: list[Su
             depth = -found.gap.min()
             assert system.overlaps(position, depth) is None
             assert system.overlaps(position, np.nextafter(depth, 0.0)) is not None
+
+
+def test_overlaps_of_nearly_concentric_balls_are_reported_down_to_the_deepest_gap_exactly() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        system = BallSystem(rng.uniform(0.1, 0.2, 2), np.ones(2), [], 3)
+        position = np.array([0.0, 0.0, 0.0, 10.0 ** rng.uniform(-13.0, -8.0), 0.0, 0.0])
+        found = system.overlaps(position, 0.0)
+        assert found is not None
+        depth = -found.gap.min()
+        assert system.overlaps(position, depth) is None
+        assert system.overlaps(position, np.nextafter(depth, 0.0)) is not None
+
+
+def test_balls_that_touch_within_rounding_have_overlaps_or_none() -> None:
+    """Where the squared distance says that balls do not overlap, a rounded root must not say that they do."""
+    rng, n_touching = np.random.default_rng(0), 0
+    for radii in rng.uniform(0.1, 1.0, (2000, 2)):
+        distance = radii.sum()
+        n_touching += bool(np.sqrt(distance * distance) - radii[0] - radii[1] < 0.0)
+        found = BallSystem(radii, np.ones(2), [], 3).overlaps(np.array([0.0, 0.0, 0.0, distance, 0.0, 0.0]), 0.0)
+        assert found is None or len(found.gap) > 0
+    assert n_touching > 20
 
 
 def test_there_are_no_overlaps_where_none_is_deeper_than_tolerated() -> None:

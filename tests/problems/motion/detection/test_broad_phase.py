@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 from proxbench.problems.motion.detection.broad_phase import (
     MAX_QUERIES,
     MAX_SKIN,
+    MAX_SKIN_OF_FEW,
     MIN_QUERIES,
     MIN_SKIN,
     SPEED_MARGIN,
     NearPairs,
-    _largest_radii,
+    _limits_of_radii,
     near_bodies,
     overlapping_pairs,
 )
@@ -44,19 +45,37 @@ def test_pairs_with_a_few_large_balls_are_those_of_testing_every_pair(
     large = rng.choice(n, n // 10, replace=False)
     radii[large] *= ratio
     centres[large] *= 0.5
-    limit = _largest_radii(radii)[1]
+    limit = _limits_of_radii(radii)[1]
     assert set(np.flatnonzero(radii > limit)) in (set(), set(large))
     assert np.array_equal(overlapping_pairs(centres, radii), every_pair(centres, radii))
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**31), n=st.integers(10, 40), dim=st.sampled_from([2, 3]))
+def test_a_ball_without_a_position_hides_no_pair_of_small_and_large_balls(seed: int, n: int, dim: int) -> None:
+    rng = np.random.default_rng(seed)
+    centres, radii = rng.integers(0, 6, (n, dim)).astype(float), np.full(n, 0.5)
+    radii[0] = 2.0
+    centres[-1, rng.integers(dim)] = rng.choice([np.nan, np.inf, -np.inf])
+    assert np.array_equal(overlapping_pairs(centres, radii), every_pair(centres[:-1], radii[:-1]))
+
+
+def test_a_large_ball_that_overlaps_a_dense_heap_is_found_with_all_of_it() -> None:
+    """The pairs exceed the first guess, so that both searches are repeated with more space."""
+    centres = np.random.default_rng(1).normal(size=(60, 3)) * 0.1
+    radii = np.append(np.ones(59), 5.0)
+    assert _limits_of_radii(radii)[1] < 5.0
+    assert np.array_equal(overlapping_pairs(centres, radii), np.column_stack(np.triu_indices(60, 1)))
 
 
 def test_a_few_large_balls_do_not_widen_the_cells_of_all_others() -> None:
     """With 5 % of large balls, the others are searched in narrow cells; with 50 %, all balls are in wide ones."""
     radii = np.ones(100)
     radii[:5] = 2.0
-    assert _largest_radii(radii) == (2.0, pytest.approx(1.15 * 1.05))
+    assert _limits_of_radii(radii) == (2.0, pytest.approx(1.15 * 1.05))
     radii[:50] = 2.0
-    assert _largest_radii(radii) == (2.0, 2.0)
-    assert _largest_radii(np.ones(100)) == (1.0, 1.0)
+    assert _limits_of_radii(radii) == (2.0, 2.0)
+    assert _limits_of_radii(np.ones(100)) == (1.0, 1.0)
 
 
 @settings(max_examples=60, deadline=None)
@@ -160,6 +179,22 @@ def test_balls_that_do_not_move_are_searched_once() -> None:
     along_x = MIN_SKIN * np.array([1.0, 0.0, 0.0])
     assert near.at(centres) is near.at(centres + 0.9 * along_x)
     assert near.at(centres) is not near.at(centres + 1.1 * along_x)
+
+
+@pytest.mark.parametrize(("n_fast", "widest"), [(10, MAX_SKIN_OF_FEW), (50, MAX_SKIN)])
+def test_skins_are_wide_only_if_few_balls_are_fast(n_fast: int, widest: float) -> None:
+    """Balls are so far apart that none of them are near each other, but one fast pair whose gap is the sum of skins."""
+    centres, velocity = np.zeros((100, 3)), np.zeros((100, 3))
+    centres[:, 1] = 100.0 * np.arange(100)
+    velocity[:n_fast, 0] = 0.5
+    centres[1, 1] = 2.0 + 2.0 * 0.99 * widest
+    near = NearPairs(np.ones(100))
+    for look in range(4):
+        pairs = near.at(centres + look * velocity)
+    assert pairs.tolist() == [[0, 1]]
+    centres[1, 1] = 2.0 + 2.0 * 1.01 * widest
+    near = NearPairs(np.ones(100))
+    assert not [pair for look in range(4) for pair in near.at(centres + look * velocity).tolist()]
 
 
 @pytest.mark.parametrize(

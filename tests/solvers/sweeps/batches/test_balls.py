@@ -74,6 +74,16 @@ def test_a_step_of_a_pile_is_swept_from_records() -> None:
     assert sweep.records.nbytes + sweep.bodies.nbytes <= 1.2 * 96 * problem.n_contacts
 
 
+def test_contacts_with_a_fixed_bound_of_friction_are_not_swept_from_records() -> None:
+    """Records hold μ alone."""
+    problem = heap(1)
+    laws = problem.laws
+    bounded = Laws(laws.kind, laws.first_row, laws.friction_coefficient, 0.1 * laws.is_friction, laws.partner)
+    assert BallSweep.over(problem, diagonal_step_sizes(problem, 1.0)) is not None
+    problem = ContactProblem(problem.free_velocity, bounded, factors=problem.factors)
+    assert BallSweep.over(problem, diagonal_step_sizes(problem, 1.0)) is None
+
+
 @pytest.mark.parametrize("form", ["delassus", "factors"])
 def test_balls_of_unlike_inertia_are_swept_over_pieces_to_the_same_solution(form: str) -> None:
     """A hollow ball among solid ones has another κ, which records do not contain."""
