@@ -112,10 +112,10 @@ def write_step_sizes(slot, width, row_values, relaxation, step_sizes):  # type: 
     """Write ω over the largest number in ``row_values`` of each law's rows, or 0 if that is 0."""
     one = uint64(1)
     if width == 3 and len(slot) == 3 * len(step_sizes):  # every lane is a row
-        for block in range(len(step_sizes)):
-            row = uint64(3) * uint64(block)
-            step_sizes[block, 0] = row_values[row]
-            step_sizes[block, 1] = max(row_values[row + one], row_values[row + uint64(2)])
+        for contact in range(len(step_sizes)):
+            first = uint64(3) * uint64(contact)
+            step_sizes[contact, 0] = row_values[first]
+            step_sizes[contact, 1] = max(row_values[first + one], row_values[first + uint64(2)])
     else:
         for row in range(len(slot)):
             block = block_of(slot[row], width)
