@@ -29,7 +29,7 @@ class Window:
         time: end of the last step [s].
         steps: number of steps.
         contacts: mean number of active contacts.
-        iterations: mean number of iterations of the solver.
+        iterations: mean number of iterations of the solver in a step, including those of rejected attempts.
         step_milliseconds: mean wall time of a step [ms].
         residual: largest judged residual.
         local_residual: largest local residual.
