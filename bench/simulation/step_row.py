@@ -53,7 +53,8 @@ class StepRow:
         impact_depth: largest penetration at their midpoints, where contacts are detected, relative to this length.
         overlap: largest penetration at the ends of one-step solves whose projection of positions did not reach its
             tolerance, relative to this length; 0 if there are none, NaN in files of an older format.
-        seconds: wall time [s].
+        seconds: wall time of all attempts [s], without the time in which numba compiles or loads kernels, except in
+            scenes and solvers of plugins.
         observed: values of the observables of the scene, in order, each with its own column.
     """
 
