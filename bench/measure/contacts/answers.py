@@ -26,6 +26,7 @@ class JudgedAnswers:
         coulomb: the worst verdict under Coulomb's law.
         distinct: the distinct answers [N s], each of shape (n_rows,).
         claims: the claimed solutions, as bytes.
+        iterations: iterations of the first solve whose answer has the verdict ``coulomb``.
         worst_impulses: the answers with the worst verdicts, with their residuals.
     """
 
@@ -34,6 +35,7 @@ class JudgedAnswers:
     coulomb: Verdict
     distinct: list[FloatArray]
     claims: list[bytes]
+    iterations: int
     worst_impulses: list[Impulses]
 
     def impulse_error(self, problem: ContactProblem) -> float | None:
@@ -44,7 +46,13 @@ class JudgedAnswers:
 
 
 def judge_answers(
-    problem: ContactProblem, model: Model, tolerance: float, status: Status, rows: Sequence[FloatArray]
+    problem: ContactProblem,
+    model: Model,
+    tolerance: float,
+    status: Status,
+    rows: Sequence[FloatArray],
+    *,
+    iterations: Sequence[int],
 ) -> JudgedAnswers:
     """Judge the answers at one tolerance.
 
@@ -54,8 +62,10 @@ def judge_answers(
         tolerance: the requested tolerance.
         status: status of the last solve; all earlier solves have the status SOLVED.
         rows: the answers, in the order of the solves [N s], each of shape (n_rows,).
+        iterations: iterations of the solve of each answer.
     """
     distinct = {impulses.tobytes(): impulses for impulses in rows}
+    counts = {row.tobytes(): count for row, count in zip(rows[::-1], iterations[::-1], strict=True)}  # the first wins
     judged = {key: verdicts(problem, impulses, model) for key, impulses in distinct.items()}
     claims = list(dict.fromkeys(row.tobytes() for row in (rows if status is Status.SOLVED else rows[:-1])))
     outcomes = {point_outcome(Status.SOLVED, tolerance, model, *judged[key]) for key in claims}
@@ -66,8 +76,8 @@ def judge_answers(
         outcome = Outcome.RELAXED
     under_model, under_coulomb = (max(judged, key=lambda key: judged[key][law].residual) for law in (0, 1))
     candidates = (Impulses.of(distinct[key], *judged[key]) for key in dict.fromkeys((under_coulomb, under_model)))
-    own, coulomb = judged[under_model][0], judged[under_coulomb][1]
-    return JudgedAnswers(outcome, own, coulomb, list(distinct.values()), claims, worst(candidates))
+    own, coulomb, count = judged[under_model][0], judged[under_coulomb][1], counts[under_coulomb]
+    return JudgedAnswers(outcome, own, coulomb, list(distinct.values()), claims, count, worst(candidates))
 
 
 def judge_control_solves(
@@ -97,9 +107,11 @@ def judge_control_solves(
             continue
         failures.append((outcome, number_of(own.residual), solve.timed.status))
         if not is_copy and measured is not None:
+            is_worse = number_of(coulomb.residual) > number_of(measured.residual)
             measured = replace(
                 measured,
-                residual=max(measured.residual, coulomb.residual, key=number_of),
+                iterations=solve.timed.iterations if is_worse else measured.iterations,
+                residual=coulomb.residual if is_worse else measured.residual,
                 model_residual=max(measured.model_residual, own.residual, key=number_of),
                 impulses=worst([*measured.impulses, Impulses.of(solve.impulses, own, coulomb)]),
             )

@@ -32,6 +32,7 @@ from .answers import judge_answers, judge_control_solves
 from .case_process import MeasuringTask
 from .clock_account import ClockAccount
 from .control import WARM_UP_STOP, Controls, ControlSolve
+from .iterations import observed_contradiction, stored_contradiction
 from .starts import Starts
 from .variants import perturbed_copy
 
@@ -96,7 +97,7 @@ class Case(LadderCase[MeasuredRound]):
         super().__init__(ladder, limits, stored, case_pass)
         self.problem, self.solver, self._data = problem, solver, problem_data
         self.is_built_in = solver.is_built_in
-        self._contradiction = next(filter(None, map(_stored_contradiction, self.points)), None)
+        self._contradiction = next(filter(None, map(stored_contradiction, self.points)), None)
         self._controls = Controls(problem, warm_up_data(problem), solver, limits)
         self._before = before
         self._starts = Starts(before.steps if solver.starts_warm else (), problem, self._controls)
@@ -141,7 +142,7 @@ class Case(LadderCase[MeasuredRound]):
             return
         if result:
             self._curve = self._judged_curve(*result)
-            self._contradiction = _observed_contradiction(result[0])
+            self._contradiction = observed_contradiction(result[0])
 
     def pin_to_core(self, core: MeasuringCore) -> None:
         """Pin the processes of the case to a core from now on."""
@@ -209,15 +210,15 @@ class Case(LadderCase[MeasuredRound]):
         """Return the distinct answers of a round [N s], shape (n, n_rows).
 
         Raises:
-            Fault: MISBEHAVED, if the number of values is wrong.
+            Fault: MISBEHAVED, if the number of values or of their iterations is wrong.
         """
-        n_rows, count = self.problem.n_rows, len(timed.totals)
-        if not n_rows:
-            return np.zeros((1, 0))
-        if not n_rows <= len(values) <= n_rows * count or len(values) % n_rows:
+        n_rows, count, n_answers = self.problem.n_rows, len(timed.totals), len(timed.answer_iterations)
+        if n_rows and (not n_rows <= len(values) <= n_rows * count or len(values) % n_rows):
             reason = f"it returned {len(values)} numbers for {count} solves of {n_rows} rows each"
             raise Fault(Outcome.MISBEHAVED, reason)
-        return values.reshape(-1, n_rows)
+        if not 1 <= n_answers <= count or n_answers * n_rows != len(values):
+            raise invalid_answer_fault()
+        return values.reshape(n_answers, n_rows)
 
     def needs_round(self, results: Sequence[MeasuredRound]) -> bool:
         """Return whether a point needs another round, because too few are counted; a failed solve is not repeated."""
@@ -232,19 +233,20 @@ class Case(LadderCase[MeasuredRound]):
         """Judge the impulses of all solves, and return the point with the worst verdict."""
         last = results[-1].timed
         rows = [impulses for result in results for impulses in result.impulses]
-        judged = judge_answers(self.problem, self.solver.model, value, last.status, rows)
+        counts = [count for result in results for count in result.timed.answer_iterations]
+        judged = judge_answers(self.problem, self.solver.model, value, last.status, rows, iterations=counts)
         outcome = judged.outcome
         reason = last.message[:MAX_REASON_LENGTH] or ("" if last.status is Status.SOLVED else last.status.sentence)
         totals = np.concatenate([result.timed.totals for result in _counted(results)])
         late = late_reason(float(np.median(totals)), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
             outcome, reason = Outcome.TIME_LIMIT, late
-        iterations = self._true_iterations(last.iterations)
+        iterations = self._true_iterations(judged.iterations)
         rounds = [result.record for result in results]
         hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in judged.claims][:MAX_ANSWERS]
         measured = Measured(
             iterations=iterations,
-            claimed_iterations=None if iterations == last.iterations else last.iterations,
+            claimed_iterations=None if iterations == judged.iterations else judged.iterations,
             residual=judged.coulomb.residual,
             model_residual=judged.own.residual,
             **times_from_rounds(rounds),
@@ -382,19 +384,3 @@ def _with_times(measured: Measured, kind: Literal["first", "copy"], solves: Sequ
 def warm_up_data(problem: ContactProblem) -> bytes:
     """Return the file content of a perturbed copy to warm up on, the same for all cases of a problem."""
     return problem_bytes(perturbed_copy(problem))
-
-
-def _stored_contradiction(point: Point) -> tuple[int, int] | None:
-    """Return the observed and the claimed iterations of a stored point; None if they agree."""
-    measured = point.measured
-    if measured is None or measured.claimed_iterations is None:
-        return None
-    return measured.iterations, measured.claimed_iterations
-
-
-def _observed_contradiction(answer: dict[str, Any]) -> tuple[int, int] | None:
-    """Return the number of observer calls and the claimed iterations; None if equal or invalid, or without calls."""
-    calls, claimed = answer.get("calls"), answer.get("claimed")
-    if type(calls) is not int or type(claimed) is not int or min(calls, claimed) < 0 or calls in (0, claimed):
-        return None
-    return calls, claimed

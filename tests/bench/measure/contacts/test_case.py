@@ -197,7 +197,8 @@ def begun(monkeypatch: pytest.MonkeyPatch, process: Scripted) -> Case:
 
 def answered(numbers: Any, **changes: Any) -> dict[str, Any]:
     """Return the answer to a request for a round of two solves, which take almost no time."""
-    return {"round": (msgspec.to_builtins(timed(1e-9, 2, **changes)), numbers)}
+    plain = {"answer_iterations": [5] * (len(numbers) // 3)}
+    return {"round": (msgspec.to_builtins(timed(1e-9, 2, **{**plain, **changes})), numbers)}
 
 
 @pytest.mark.parametrize(
@@ -216,6 +217,27 @@ def test_a_round_has_one_answer_of_all_rows_for_each_solve_at_most(
         assert found is None
         assert case.outcome is Outcome.MISBEHAVED
         assert f"it returned {len(numbers)} numbers for 2 solves of 3 rows" in case.record().reason
+
+
+@pytest.mark.parametrize("iterations", [[], [5], [5, 5, 5], [5, -1], "55"])
+def test_a_round_without_the_iterations_of_each_answer_is_misbehaviour(
+    iterations: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process = Scripted(answered([*SOLUTION, *SOLUTION], answer_iterations=iterations))
+    case = begun(monkeypatch, process)
+    assert case.measure(1e-4, 0) is None
+    assert case.outcome is Outcome.MISBEHAVED
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_point_has_the_iterations_of_the_solve_whose_residual_it_has(order: int) -> None:
+    rounds = [
+        measured_round(impulses=SOLUTION, iterations=926),
+        measured_round(impulses=SOLUTION * 1.01, iterations=26),
+    ]
+    found = made_case().point(1e-1, rounds[::order]).measured
+    assert found is not None
+    assert (found.residual, found.iterations) == (judge(PROBLEM, SOLUTION * 1.01).residual, 26)
 
 
 @pytest.mark.parametrize(("named", "used"), [(None, 3), (1, 1), (2, 2), (5, 3)])
