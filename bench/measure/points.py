@@ -53,6 +53,7 @@ def _joined(before: Measured, now: Measured) -> Measured:
     return replace(
         worse,
         claimed_iterations=before.claimed_iterations,
+        observed=before.observed or now.observed,
         model_residual=max(before.model_residual, now.model_residual, key=number_of),
         **times_from_rounds(rounds),
         rounds=rounds,

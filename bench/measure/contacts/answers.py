@@ -14,6 +14,7 @@ from ...store.impulses import Impulses, number_of, worst
 from ...store.outcome import Outcome, claim_reason, point_outcome, verdicts
 from ...store.records import Point
 from .control import ControlSolve
+from .iterations import iteration_fields
 
 
 @dataclass(frozen=True)
@@ -108,10 +109,11 @@ def judge_control_solves(
         failures.append((outcome, number_of(own.residual), solve.timed.status))
         if not is_copy and measured is not None:
             is_worse = number_of(coulomb.residual) > number_of(measured.residual)
+            if is_worse:
+                fields = iteration_fields(solve.timed.iterations, measured.observed)
+                measured = replace(measured, residual=coulomb.residual, **fields)
             measured = replace(
                 measured,
-                iterations=solve.timed.iterations if is_worse else measured.iterations,
-                residual=coulomb.residual if is_worse else measured.residual,
                 model_residual=max(measured.model_residual, own.residual, key=number_of),
                 impulses=worst([*measured.impulses, Impulses.of(solve.impulses, own, coulomb)]),
             )

@@ -23,7 +23,7 @@ from ...plugins.solver_specs import SolverSpec
 from ...store.notes import is_explained
 from ...store.outcome import IN_FIRST_SOLVE, ON_COPY, Outcome, late_reason
 from ...store.plans import Limits
-from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, Point, Round
+from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, ObservedSolve, Point, Round
 from ..ladder import MAX_REASON_LENGTH, CasePass, LadderCase
 from ..measuring_core import MeasuringCore
 from ..points import keep_finest_impulses, times_from_rounds
@@ -32,7 +32,7 @@ from .answers import judge_answers, judge_control_solves
 from .case_process import MeasuringTask
 from .clock_account import ClockAccount
 from .control import WARM_UP_STOP, Controls, ControlSolve
-from .iterations import observed_contradiction, stored_contradiction
+from .iterations import contradicting_solve, is_contradicted, iteration_fields
 from .starts import Starts
 from .variants import perturbed_copy
 
@@ -97,7 +97,8 @@ class Case(LadderCase[MeasuredRound]):
         super().__init__(ladder, limits, stored, case_pass)
         self.problem, self.solver, self._data = problem, solver, problem_data
         self.is_built_in = solver.is_built_in
-        self._contradiction = next(filter(None, map(stored_contradiction, self.points)), None)
+        self._observed: dict[float, ObservedSolve | None] = {}
+        self._is_contradicted = any(is_contradicted(point.measured) for point in self.points)
         self._controls = Controls(problem, warm_up_data(problem), solver, limits)
         self._before = before
         self._starts = Starts(before.steps if solver.starts_warm else (), problem, self._controls)
@@ -134,7 +135,7 @@ class Case(LadderCase[MeasuredRound]):
         self._ask("compare")
 
     def _observe(self, stop: Stop) -> None:
-        """Measure the convergence curve."""
+        """Measure the convergence curve, and compare its iterates with the reported iterations."""
         try:
             result = self._ask("observe", stop, self._starts.impulses(stop))
         except Fault as fault:
@@ -142,7 +143,7 @@ class Case(LadderCase[MeasuredRound]):
             return
         if result:
             self._curve = self._judged_curve(*result)
-            self._contradiction = observed_contradiction(result[0])
+            self._is_contradicted = contradicting_solve(result[0]) is not None
 
     def pin_to_core(self, core: MeasuringCore) -> None:
         """Pin the processes of the case to a core from now on."""
@@ -191,6 +192,8 @@ class Case(LadderCase[MeasuredRound]):
         stop = self._stop(value)
         try:
             start = self._starts.impulses(stop)
+            if number == 0:
+                self._observe_again(stop, start)
             processor_seconds = 0.0 if self._worker is None else self._worker.processor_seconds()
             result = self._timed_round(TimedRound, number, "round", stop, ROUND_SECONDS, start)
             if result is None or self._worker is None:
@@ -241,12 +244,10 @@ class Case(LadderCase[MeasuredRound]):
         late = late_reason(float(np.median(totals)), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
             outcome, reason = Outcome.TIME_LIMIT, late
-        iterations = self._true_iterations(judged.iterations)
         rounds = [result.record for result in results]
         hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in judged.claims][:MAX_ANSWERS]
         measured = Measured(
-            iterations=iterations,
-            claimed_iterations=None if iterations == judged.iterations else judged.iterations,
+            **iteration_fields(judged.iterations, self._observed.get(value)),
             residual=judged.coulomb.residual,
             model_residual=judged.own.residual,
             **times_from_rounds(rounds),
@@ -319,16 +320,10 @@ class Case(LadderCase[MeasuredRound]):
         answer, _ = self._worker.ask("round", stop, ROUND_SECONDS, self._starts.impulses(stop))
         return TimedRound.read(answer, time.monotonic() - began, self.is_built_in).undisturbed_seconds
 
-    def _true_iterations(self, claimed: int) -> int:
-        """Return the iterations of a solve for which the solver reports ``claimed``.
-
-        If observed and claimed iterations of the observed solve differ, claims are corrected by their ratio. If the
-        solver reports none, the observed number is returned.
-        """
-        if self._contradiction is None:
-            return claimed
-        observed, claimed_then = self._contradiction
-        return round(claimed * observed / claimed_then) if claimed and claimed_then else observed
+    def _observe_again(self, stop: Stop, start: FloatArray | None) -> None:
+        """Observe a solve to the tolerance of ``stop`` if the solver contradicted itself before."""
+        result = self._ask("observe", stop, start) if self._is_contradicted else None
+        self._observed[stop.tolerance] = None if result is None else contradicting_solve(result[0])
 
     @property
     def threads(self) -> int:

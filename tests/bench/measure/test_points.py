@@ -1,9 +1,10 @@
 """Points of several passes: the worse outcome and answer count, and limits due to excluded rounds are ignored."""
 
 import pytest
+from msgspec.structs import replace
 from proxbench.bench.measure.points import joined
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Point, Round
+from proxbench.bench.store.records import ObservedSolve, Point, Round
 from stored_cases import measured_in, timed_round
 
 
@@ -52,6 +53,17 @@ def test_iterations_are_those_of_the_pass_with_the_worse_answer(order: int) -> N
     found = joined(*passes).measured
     assert found is not None
     assert (found.residual, found.iterations) == (1e-3, 26)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_an_observed_solve_that_contradicts_itself_is_kept(order: int) -> None:
+    observed = ObservedSolve(observed_iterates=92, observed_iterations=926)
+    known = point(one_round(0))
+    assert known.measured is not None
+    passes = [replace(known, measured=replace(known.measured, observed=observed)), point(one_round(1))][::order]
+    found = joined(*passes).measured
+    assert found is not None
+    assert found.observed == observed
 
 
 def test_times_cover_all_rounds_and_distinct_answers_are_counted() -> None:

@@ -8,7 +8,7 @@ from proxbench.bench.measure.contacts.answers import JudgedAnswers, judge_answer
 from proxbench.bench.measure.contacts.control import ControlSolve
 from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Point
+from proxbench.bench.store.records import ObservedSolve, Point
 from proxbench.problems import ContactProblem, Model, judge
 from proxbench.problems.contact.answer import Answer
 from proxbench.solvers import Status
@@ -109,6 +109,15 @@ def test_iterations_are_those_of_the_first_solve_whose_residual_replaces_a_small
     kept = point_with(first(SLIDES, iterations=7)).measured
     assert kept is not None
     assert kept.iterations == measured_in([timed_round(0, 1.0)]).iterations
+
+
+def test_iterates_of_an_observed_solve_count_more_than_fewer_reported_iterations_of_a_first_solve() -> None:
+    observed = ObservedSolve(observed_iterates=40, observed_iterations=4)
+    measured = measured_in([timed_round(0, 1.0)], iterations=40, claimed_iterations=4, observed=observed)
+    point = Point(tolerance=1e-6, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
+    found = judge_control_solves(PROBLEM, Model.COULOMB, point, [first(5.0 * SLIDES, iterations=5)], "there").measured
+    assert found is not None
+    assert (found.iterations, found.claimed_iterations) == (40, 5)
 
 
 def test_a_wrong_answer_to_a_copy_decides_and_is_not_kept() -> None:
