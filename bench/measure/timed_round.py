@@ -62,6 +62,8 @@ class TimedRound(Struct, frozen=True):
         waited: time spent runnable but waiting for the core [s]; None if the system does not measure it.
         uncounted: wall time of each solve outside the library of an external solver [s]; empty if all of it counts.
         earlier_iterations: iterations of earlier solves of other problems; empty in rounds of one problem.
+        answer_iterations: iterations of the first solve with each distinct answer, in the order of the answers; empty
+            if only the answer of the last solve is returned.
         threads: number of threads of the last solve, if the prepared solver declares it.
     """
 
@@ -76,6 +78,7 @@ class TimedRound(Struct, frozen=True):
     waited: Seconds | None
     uncounted: list[Seconds] = []
     earlier_iterations: list[Annotated[int, Meta(ge=0, le=MAX_ITERATIONS)]] = []
+    answer_iterations: list[Annotated[int, Meta(ge=0, le=MAX_ITERATIONS)]] = []
     threads: Annotated[int, Meta(ge=1)] | None = None
 
     @classmethod

@@ -73,6 +73,7 @@ class StepRecord(Record, frozen=True, kw_only=True):
     switches: list[SwitchingPoint]
     states: LawStates
     solves: Count
+    iterations: Count
     rejected: Count
     seconds: Number
     kinetic_energy: float
@@ -148,6 +149,7 @@ def _read_step(record: StepRecord, arrays: Arrays, begin: State, scene: Scene) -
         record.states,
         record.switches,
         record.solves,
+        record.iterations,
         record.rejected,
         record.seconds,
     )
@@ -237,6 +239,7 @@ def _describe(scene: Scene, accepted: AcceptedStep) -> tuple[StepRecord, Arrays]
         switches=list(accepted.switches),
         states=accepted.states,
         solves=accepted.solves,
+        iterations=int(accepted.iterations),
         rejected=accepted.rejected,
         seconds=accepted.seconds,
         **asdict(scene_values(scene, accepted.end)),

@@ -38,12 +38,13 @@ class StepRow:
         time: time at the end of the step [s].
         length: length of the step [s].
         error: estimated relative error, 0 without an estimate.
-        solves: number of solved one-step inclusions.
+        solves: number of one-step inclusions, with or without contacts, including those of rejected attempts.
         rejected: number of rejected attempts before the step.
         contacts: number of active contacts at the end of the step.
-        iterations: iterations of the solver in all one-step solves of the step.
-        residual: the largest judged residual of these solves.
-        local_residual: their largest local residual.
+        iterations: iterations of the solver in all these inclusions; 0 for a stepper that does not count them.
+        residual: the largest judged residual of the one-step solves that give the result, without those of rejected
+            attempts and of shorter sequences over the same interval.
+        local_residual: the largest local residual of these solves.
         status: status of the solve with the largest judged residual, as an index into the statuses of the simulation.
         kinetic_energy: kinetic energy at the end of the step [J].
         potential_energy: potential energy at the end of the step [J], NaN if unknown.
@@ -52,7 +53,8 @@ class StepRow:
         impact_depth: largest penetration at their midpoints, where contacts are detected, relative to this length.
         overlap: largest penetration at the ends of one-step solves whose projection of positions did not reach its
             tolerance, relative to this length; 0 if there are none, NaN in files of an older format.
-        seconds: wall time [s].
+        seconds: wall time of all attempts [s], without the time in which numba compiles or loads kernels, except in
+            scenes and solvers of plugins.
         observed: values of the observables of the scene, in order, each with its own column.
     """
 
@@ -151,7 +153,7 @@ def step_row(scene: Scene, accepted: AcceptedStep, values: SceneValues, statuses
         solves=accepted.solves,
         rejected=accepted.rejected,
         contacts=0 if contacts is None else contacts.n_contacts,
-        iterations=sum(step.iterations for step in solved),
+        iterations=accepted.iterations,
         residual=max(residuals, default=0.0),
         local_residual=max(map(_local_residual, solves), default=0.0),
         status=statuses.index(NO_CONTACT if status is None else status),

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.arrays import FloatArray
+from ...problems.representation import counted
 from .impulses import number_of
 from .outcome import ROUNDING, Outcome
 from .records import MAX_ANSWERS, CaseRecord, Measured, Point
@@ -48,6 +49,11 @@ def _notes(case: CaseRecord, point: Point, measured: Measured) -> Iterator[str]:
     if hides_contacts(judged, local):
         size = f"{local / judged:.2g} times the judged one" if judged > 0.0 else f"{local:.2g}, the judged one 0"
         yield f"the local residual is {size}"
+    if measured.observed is not None:
+        iterates, iterations = measured.observed.observed_iterates, measured.observed.observed_iterations
+        yield f"it reports {counted(iterations, 'iteration')} of a solve that shows {counted(iterates, 'iterate')}"
+    elif measured.claimed_iterations is not None:
+        yield f"it reports {counted(measured.claimed_iterations, 'iteration')}, which an observed solve contradicts"
     if measured.answers > 1 and not case.is_randomised:
         prefix = "at least " if measured.answers == MAX_ANSWERS else ""
         yield f"{prefix}{measured.answers} different answers in {measured.repeats} solves"

@@ -179,13 +179,27 @@ class Round(Record, frozen=True, kw_only=True):
     excluded: Excluded = ""
 
 
+class ObservedSolve(Record, frozen=True, kw_only=True):
+    """Counts of one observed solve.
+
+    Attributes:
+        observed_iterates: number of iterates that it shows to its observer.
+        observed_iterations: number of iterations that it reports.
+    """
+
+    observed_iterates: Count
+    observed_iterations: Count
+
+
 class Measured(Record, frozen=True, kw_only=True):
     """Measurements at one tolerance, or at one step of a trajectory.
 
     Attributes:
-        iterations: iterations of a timed solve, observed if possible; of a trajectory, the number of solved one-step
+        iterations: iterations of the solve with the residual ``residual`` as the solver reports them, or the number of
+            iterates of an observed solve if it reports fewer; of a trajectory, the number of solved one-step
             inclusions, median over its members.
-        claimed_iterations: iterations of that solve as the solver reports them; None if they equal ``iterations``.
+        claimed_iterations: iterations that the solver reports; None if they equal ``iterations``.
+        observed: an observed solve to the tolerance, if it shows another number of iterates than it reports.
         residual: judged residual under Coulomb's law; of a trajectory, its largest error.
         model_residual: judged residual under the solver's own model.
         prepare_seconds, solve_seconds, total_seconds: wall times of preparing, solving and both [s], quartiles of the
@@ -228,6 +242,7 @@ class Measured(Record, frozen=True, kw_only=True):
     answers: Count = 1
     hashes: Annotated[list[str], Meta(max_length=MAX_ANSWERS)] = []
     claimed_iterations: Count | None = None
+    observed: ObservedSolve | None = None
     verdict: dict[str, bool | Number | None]
     impulses: Annotated[list[Impulses], Meta(max_length=2)] = []
     impulse_error: Number | None

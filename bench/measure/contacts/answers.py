@@ -14,6 +14,7 @@ from ...store.impulses import Impulses, number_of, worst
 from ...store.outcome import Outcome, claim_reason, point_outcome, verdicts
 from ...store.records import Point
 from .control import ControlSolve
+from .iterations import iteration_fields
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class JudgedAnswers:
         coulomb: the worst verdict under Coulomb's law.
         distinct: the distinct answers [N s], each of shape (n_rows,).
         claims: the claimed solutions, as bytes.
+        iterations: iterations of the first solve whose answer has the verdict ``coulomb``.
         worst_impulses: the answers with the worst verdicts, with their residuals.
     """
 
@@ -34,6 +36,7 @@ class JudgedAnswers:
     coulomb: Verdict
     distinct: list[FloatArray]
     claims: list[bytes]
+    iterations: int
     worst_impulses: list[Impulses]
 
     def impulse_error(self, problem: ContactProblem) -> float | None:
@@ -44,7 +47,13 @@ class JudgedAnswers:
 
 
 def judge_answers(
-    problem: ContactProblem, model: Model, tolerance: float, status: Status, rows: Sequence[FloatArray]
+    problem: ContactProblem,
+    model: Model,
+    tolerance: float,
+    status: Status,
+    rows: Sequence[FloatArray],
+    *,
+    iterations: Sequence[int],
 ) -> JudgedAnswers:
     """Judge the answers at one tolerance.
 
@@ -54,8 +63,10 @@ def judge_answers(
         tolerance: the requested tolerance.
         status: status of the last solve; all earlier solves have the status SOLVED.
         rows: the answers, in the order of the solves [N s], each of shape (n_rows,).
+        iterations: iterations of the solve of each answer.
     """
     distinct = {impulses.tobytes(): impulses for impulses in rows}
+    counts = {row.tobytes(): count for row, count in zip(rows[::-1], iterations[::-1], strict=True)}  # the first wins
     judged = {key: verdicts(problem, impulses, model) for key, impulses in distinct.items()}
     claims = list(dict.fromkeys(row.tobytes() for row in (rows if status is Status.SOLVED else rows[:-1])))
     outcomes = {point_outcome(Status.SOLVED, tolerance, model, *judged[key]) for key in claims}
@@ -66,8 +77,8 @@ def judge_answers(
         outcome = Outcome.RELAXED
     under_model, under_coulomb = (max(judged, key=lambda key: judged[key][law].residual) for law in (0, 1))
     candidates = (Impulses.of(distinct[key], *judged[key]) for key in dict.fromkeys((under_coulomb, under_model)))
-    own, coulomb = judged[under_model][0], judged[under_coulomb][1]
-    return JudgedAnswers(outcome, own, coulomb, list(distinct.values()), claims, worst(candidates))
+    own, coulomb, count = judged[under_model][0], judged[under_coulomb][1], counts[under_coulomb]
+    return JudgedAnswers(outcome, own, coulomb, list(distinct.values()), claims, count, worst(candidates))
 
 
 def judge_control_solves(
@@ -97,9 +108,12 @@ def judge_control_solves(
             continue
         failures.append((outcome, number_of(own.residual), solve.timed.status))
         if not is_copy and measured is not None:
+            is_worse = number_of(coulomb.residual) > number_of(measured.residual)
+            if is_worse:
+                fields = iteration_fields(solve.timed.iterations, measured.observed)
+                measured = replace(measured, residual=coulomb.residual, **fields)
             measured = replace(
                 measured,
-                residual=max(measured.residual, coulomb.residual, key=number_of),
                 model_residual=max(measured.model_residual, own.residual, key=number_of),
                 impulses=worst([*measured.impulses, Impulses.of(solve.impulses, own, coulomb)]),
             )

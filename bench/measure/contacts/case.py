@@ -23,7 +23,7 @@ from ...plugins.solver_specs import SolverSpec
 from ...store.notes import is_explained
 from ...store.outcome import IN_FIRST_SOLVE, ON_COPY, Outcome, late_reason
 from ...store.plans import Limits
-from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, Point, Round
+from ...store.records import MAX_ANSWERS, CaseRecord, Curve, Measured, ObservedSolve, Point, Round
 from ..ladder import MAX_REASON_LENGTH, CasePass, LadderCase
 from ..measuring_core import MeasuringCore
 from ..points import keep_finest_impulses, times_from_rounds
@@ -32,6 +32,7 @@ from .answers import judge_answers, judge_control_solves
 from .case_process import MeasuringTask
 from .clock_account import ClockAccount
 from .control import WARM_UP_STOP, Controls, ControlSolve
+from .iterations import contradicting_solve, is_contradicted, iteration_fields
 from .starts import Starts
 from .variants import perturbed_copy
 
@@ -96,7 +97,8 @@ class Case(LadderCase[MeasuredRound]):
         super().__init__(ladder, limits, stored, case_pass)
         self.problem, self.solver, self._data = problem, solver, problem_data
         self.is_built_in = solver.is_built_in
-        self._contradiction = next(filter(None, map(_stored_contradiction, self.points)), None)
+        self._observed: dict[float, ObservedSolve | None] = {}
+        self._is_contradicted = any(is_contradicted(point.measured) for point in self.points)
         self._controls = Controls(problem, warm_up_data(problem), solver, limits)
         self._before = before
         self._starts = Starts(before.steps if solver.starts_warm else (), problem, self._controls)
@@ -133,7 +135,7 @@ class Case(LadderCase[MeasuredRound]):
         self._ask("compare")
 
     def _observe(self, stop: Stop) -> None:
-        """Measure the convergence curve."""
+        """Measure the convergence curve, and compare its iterates with the reported iterations."""
         try:
             result = self._ask("observe", stop, self._starts.impulses(stop))
         except Fault as fault:
@@ -141,7 +143,7 @@ class Case(LadderCase[MeasuredRound]):
             return
         if result:
             self._curve = self._judged_curve(*result)
-            self._contradiction = _observed_contradiction(result[0])
+            self._is_contradicted = contradicting_solve(result[0]) is not None
 
     def pin_to_core(self, core: MeasuringCore) -> None:
         """Pin the processes of the case to a core from now on."""
@@ -190,6 +192,8 @@ class Case(LadderCase[MeasuredRound]):
         stop = self._stop(value)
         try:
             start = self._starts.impulses(stop)
+            if number == 0:
+                self._observe_again(stop, start)
             processor_seconds = 0.0 if self._worker is None else self._worker.processor_seconds()
             result = self._timed_round(TimedRound, number, "round", stop, ROUND_SECONDS, start)
             if result is None or self._worker is None:
@@ -209,15 +213,15 @@ class Case(LadderCase[MeasuredRound]):
         """Return the distinct answers of a round [N s], shape (n, n_rows).
 
         Raises:
-            Fault: MISBEHAVED, if the number of values is wrong.
+            Fault: MISBEHAVED, if the number of values or of their iterations is wrong.
         """
-        n_rows, count = self.problem.n_rows, len(timed.totals)
-        if not n_rows:
-            return np.zeros((1, 0))
-        if not n_rows <= len(values) <= n_rows * count or len(values) % n_rows:
+        n_rows, count, n_answers = self.problem.n_rows, len(timed.totals), len(timed.answer_iterations)
+        if n_rows and (not n_rows <= len(values) <= n_rows * count or len(values) % n_rows):
             reason = f"it returned {len(values)} numbers for {count} solves of {n_rows} rows each"
             raise Fault(Outcome.MISBEHAVED, reason)
-        return values.reshape(-1, n_rows)
+        if not 1 <= n_answers <= count or n_answers * n_rows != len(values):
+            raise invalid_answer_fault()
+        return values.reshape(n_answers, n_rows)
 
     def needs_round(self, results: Sequence[MeasuredRound]) -> bool:
         """Return whether a point needs another round, because too few are counted; a failed solve is not repeated."""
@@ -232,19 +236,18 @@ class Case(LadderCase[MeasuredRound]):
         """Judge the impulses of all solves, and return the point with the worst verdict."""
         last = results[-1].timed
         rows = [impulses for result in results for impulses in result.impulses]
-        judged = judge_answers(self.problem, self.solver.model, value, last.status, rows)
+        counts = [count for result in results for count in result.timed.answer_iterations]
+        judged = judge_answers(self.problem, self.solver.model, value, last.status, rows, iterations=counts)
         outcome = judged.outcome
         reason = last.message[:MAX_REASON_LENGTH] or ("" if last.status is Status.SOLVED else last.status.sentence)
         totals = np.concatenate([result.timed.totals for result in _counted(results)])
         late = late_reason(float(np.median(totals)), self.limits.solve_seconds)
         if outcome is Outcome.SOLVED and late:
             outcome, reason = Outcome.TIME_LIMIT, late
-        iterations = self._true_iterations(last.iterations)
         rounds = [result.record for result in results]
         hashes = [hashlib.sha256(claim).hexdigest()[:16] for claim in judged.claims][:MAX_ANSWERS]
         measured = Measured(
-            iterations=iterations,
-            claimed_iterations=None if iterations == last.iterations else last.iterations,
+            **iteration_fields(judged.iterations, self._observed.get(value)),
             residual=judged.coulomb.residual,
             model_residual=judged.own.residual,
             **times_from_rounds(rounds),
@@ -317,16 +320,10 @@ class Case(LadderCase[MeasuredRound]):
         answer, _ = self._worker.ask("round", stop, ROUND_SECONDS, self._starts.impulses(stop))
         return TimedRound.read(answer, time.monotonic() - began, self.is_built_in).undisturbed_seconds
 
-    def _true_iterations(self, claimed: int) -> int:
-        """Return the iterations of a solve for which the solver reports ``claimed``.
-
-        If observed and claimed iterations of the observed solve differ, claims are corrected by their ratio. If the
-        solver reports none, the observed number is returned.
-        """
-        if self._contradiction is None:
-            return claimed
-        observed, claimed_then = self._contradiction
-        return round(claimed * observed / claimed_then) if claimed and claimed_then else observed
+    def _observe_again(self, stop: Stop, start: FloatArray | None) -> None:
+        """Observe a solve to the tolerance of ``stop`` if the solver contradicted itself before."""
+        result = self._ask("observe", stop, start) if self._is_contradicted else None
+        self._observed[stop.tolerance] = None if result is None else contradicting_solve(result[0])
 
     @property
     def threads(self) -> int:
@@ -382,19 +379,3 @@ def _with_times(measured: Measured, kind: Literal["first", "copy"], solves: Sequ
 def warm_up_data(problem: ContactProblem) -> bytes:
     """Return the file content of a perturbed copy to warm up on, the same for all cases of a problem."""
     return problem_bytes(perturbed_copy(problem))
-
-
-def _stored_contradiction(point: Point) -> tuple[int, int] | None:
-    """Return the observed and the claimed iterations of a stored point; None if they agree."""
-    measured = point.measured
-    if measured is None or measured.claimed_iterations is None:
-        return None
-    return measured.iterations, measured.claimed_iterations
-
-
-def _observed_contradiction(answer: dict[str, Any]) -> tuple[int, int] | None:
-    """Return the number of observer calls and the claimed iterations; None if equal or invalid, or without calls."""
-    calls, claimed = answer.get("calls"), answer.get("claimed")
-    if type(calls) is not int or type(claimed) is not int or min(calls, claimed) < 0 or calls in (0, claimed):
-        return None
-    return calls, claimed

@@ -151,7 +151,7 @@ class Measurement:
             The round, and the distinct impulses of its solves [N s], each of shape (n_rows,).
         """
         solves: list[TimedSolve] = []
-        answers: dict[bytes, FloatArray] = {}
+        answers: dict[bytes, Solution] = {}
         before, end = ContextSwitches.now(), perf_counter() + seconds
         while True:
             problem = self.problem.fresh()
@@ -159,13 +159,15 @@ class Measurement:
             solution = solves[-1].solution
             if solution.status is not Status.SOLVED:
                 break
-            answers.setdefault(solution.impulses.tobytes(), solution.impulses)
+            answers.setdefault(solution.impulses.tobytes(), solution)
             if perf_counter() >= end or len(answers) * problem.n_rows > MAX_NUMBERS:
                 break
         timed = _timed_round(solves, before)
         self._check_after(problem)
-        last = [] if solution.status is Status.SOLVED else [solution.impulses]
-        return timed, [*answers.values(), *last]
+        last = [] if solution.status is Status.SOLVED else [solution]
+        returned = [*answers.values(), *last]
+        iterations = [int(one.iterations) for one in returned]
+        return msgspec.structs.replace(timed, answer_iterations=iterations), [one.impulses for one in returned]
 
     def first_solves(
         self, stop: Stop, problems: Sequence[ContactProblem], start: FloatArray | None = None

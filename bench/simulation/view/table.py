@@ -29,8 +29,8 @@ class Window:
         time: end of the last step [s].
         steps: number of steps.
         contacts: mean number of active contacts.
-        iterations: mean number of iterations of the solver.
-        step_milliseconds: mean wall time of a step [ms].
+        iterations: mean number of iterations of the solver in a step, including those of rejected attempts.
+        step_milliseconds: mean wall time of a step [ms]; see ``StepRow.seconds``.
         residual: largest judged residual.
         local_residual: largest local residual.
         unsolved: number of steps not solved to the tolerance, as judged.

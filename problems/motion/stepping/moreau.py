@@ -59,5 +59,6 @@ class Moreau(Stepper):
             step = rule.step(state)
             seconds = perf_counter() - wall_start
             check_finite(state, step.state)
-            yield AcceptedStep(state, step.state, ((step, rule.time_step),), seconds=seconds)
+            substeps = ((step, rule.time_step),)
+            yield AcceptedStep(state, step.state, substeps, iterations=step.iterations, seconds=seconds)
             state = step.state

@@ -26,13 +26,15 @@ class StepCounter:
         system: the mechanical system.
         solver: solves the contact problem of each step.
         stop: the stopping criterion of each solve.
-        solves: number of one-step inclusions solved so far.
+        solves: number of one-step inclusions so far, with or without contacts.
+        iterations: iterations of the solver in all of them.
     """
 
     system: System
     solver: ContactSolver
     stop: Stop
     solves: int = 0
+    iterations: int = 0
 
     def take(self, state: State, length: float, inelastic: tuple[int, ...] = ()) -> Step:
         """Take one step of ``length`` [s] in which contacts with the keys ``inelastic`` do not rebound.
@@ -48,6 +50,7 @@ class StepCounter:
         self.solves += 1
         begin = replace(state, impulses=state.impulses * length)
         step = MidpointRule(self.system, self.solver, self.stop, length).step(begin, inelastic)
+        self.iterations += step.iterations
         if step.status not in (None, Status.SOLVED):
             raise UnsolvedStepError(str(step.status))
         if not np.isfinite(step.impulses).all():

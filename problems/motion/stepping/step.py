@@ -151,11 +151,12 @@ class AcceptedStep:
     Attributes:
         begin: the state at its beginning.
         end: the state at its end.
-        substeps: the one-step solves from ``begin`` to ``end``, each with its length [s].
+        substeps: the one-step solves from ``begin`` to ``end`` that give the result, each with its length [s].
         error: estimated relative error; 0 if it is not estimated.
         states: states of the laws in its last one-step solve; empty for a stepper that does not determine them.
         switches: its switching points.
-        solves: number of one-step inclusions solved for it, including those of rejected attempts.
+        solves: number of one-step inclusions for it, with or without contacts, including those of rejected attempts.
+        iterations: iterations of the solver in all of them; 0 for a stepper that does not count them.
         rejected: number of attempts rejected before it.
         seconds: wall time of all its attempts [s].
     """
@@ -167,6 +168,7 @@ class AcceptedStep:
     states: LawStates = LawStates()
     switches: Sequence[SwitchingPoint] = ()
     solves: int = 1
+    iterations: int = 0
     rejected: int = 0
     seconds: float = 0.0
 

@@ -328,9 +328,8 @@ class _StepControl:
         self._state, self._states = end, states
         self._scale.update(end)
         seconds = self._seconds + perf_counter() - self._trial_start
-        return AcceptedStep(
-            begin, end, substeps, error, states, switches, self._counter.solves, self._rejected, seconds
-        )
+        counts = (self._counter.solves, self._counter.iterations, self._rejected)
+        return AcceptedStep(begin, end, substeps, error, states, switches, *counts, seconds)
 
     def _choose_next(self, length: float, attempt: Attempt) -> None:
         """Choose the length and number of sequences with the least expected work per unit of time (Deuflhard 1983)."""
@@ -354,11 +353,16 @@ class _StepControl:
 
 def _with_step_costs(steps: Iterator[AcceptedStep]) -> Iterator[AcceptedStep]:
     """Convert the costs since the start, which ``steps`` contain, to the costs of each step."""
-    solves, rejected, seconds = 0, 0, 0.0
+    solves, iterations, rejected, seconds = 0, 0, 0, 0.0
     for step in steps:
-        costs = (step.solves - solves, step.rejected - rejected, step.seconds - seconds)
-        solves, rejected, seconds = step.solves, step.rejected, step.seconds
-        yield replace(step, solves=costs[0], rejected=costs[1], seconds=costs[2])
+        yield replace(
+            step,
+            solves=step.solves - solves,
+            iterations=step.iterations - iterations,
+            rejected=step.rejected - rejected,
+            seconds=step.seconds - seconds,
+        )
+        solves, iterations, rejected, seconds = step.solves, step.iterations, step.rejected, step.seconds
 
 
 class _Scale:

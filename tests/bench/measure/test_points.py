@@ -1,9 +1,10 @@
 """Points of several passes: the worse outcome and answer count, and limits due to excluded rounds are ignored."""
 
 import pytest
+from msgspec.structs import replace
 from proxbench.bench.measure.points import joined
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Point, Round
+from proxbench.bench.store.records import ObservedSolve, Point, Round
 from stored_cases import measured_in, timed_round
 
 
@@ -12,10 +13,20 @@ def one_round(number: int = 0, seconds: float = 1.0, excluded: str = "") -> Roun
 
 
 def point(
-    one: Round, outcome: Outcome = Outcome.SOLVED, residual: float | None = 1e-7, answer: str = "a", reason: str = ""
+    one: Round,
+    outcome: Outcome = Outcome.SOLVED,
+    residual: float | None = 1e-7,
+    answer: str = "a",
+    reason: str = "",
+    iterations: int = 3,
 ) -> Point:
     measured = measured_in(
-        [one], residual=residual, model_residual=residual, hashes=[answer], verdict={"residual": residual}
+        [one],
+        residual=residual,
+        model_residual=residual,
+        hashes=[answer],
+        verdict={"residual": residual},
+        iterations=iterations,
     )
     status = "solved" if outcome in (Outcome.SOLVED, Outcome.RELAXED, Outcome.WRONG) else outcome.value
     return Point(tolerance=1e-4, outcome=outcome, status=status, reason=reason, measured=measured)
@@ -34,6 +45,25 @@ def test_the_worse_answer_counts_with_its_verdict(residual: float | None) -> Non
     found = joined(point(one_round(0), residual=residual), point(one_round(1))).measured
     assert found is not None
     assert found.residual == found.model_residual == found.verdict["residual"] == residual
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_iterations_are_those_of_the_pass_with_the_worse_answer(order: int) -> None:
+    passes = [point(one_round(0), residual=1e-3, iterations=26), point(one_round(1), iterations=926)][::order]
+    found = joined(*passes).measured
+    assert found is not None
+    assert (found.residual, found.iterations) == (1e-3, 26)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_an_observed_solve_that_contradicts_itself_is_kept(order: int) -> None:
+    observed = ObservedSolve(observed_iterates=92, observed_iterations=926)
+    known = point(one_round(0))
+    assert known.measured is not None
+    passes = [replace(known, measured=replace(known.measured, observed=observed)), point(one_round(1))][::order]
+    found = joined(*passes).measured
+    assert found is not None
+    assert found.observed == observed
 
 
 def test_times_cover_all_rounds_and_distinct_answers_are_counted() -> None:

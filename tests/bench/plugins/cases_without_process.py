@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 from proxbench.bench.measure.contacts.case import Case, MeasuredRound
 from proxbench.bench.measure.ladder import CasePass
 from proxbench.bench.measure.timed_round import TimedRound
@@ -53,5 +54,6 @@ def timed(seconds: float = 1e-3, count: int = 1, **changes: Any) -> TimedRound:
 def measured_round(
     seconds: float = 1e-3, excluded: str = "", impulses: np.ndarray = SOLUTION, **changes: Any
 ) -> MeasuredRound:
-    record = timed_round(0, seconds, excluded=excluded)
-    return MeasuredRound(timed(seconds, **changes), record, np.atleast_2d(impulses))
+    record, rows = timed_round(0, seconds, excluded=excluded), np.atleast_2d(impulses)
+    made = timed(seconds, **changes)
+    return MeasuredRound(replace(made, answer_iterations=[made.iterations] * len(rows)), record, rows)

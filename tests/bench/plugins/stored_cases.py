@@ -61,18 +61,20 @@ def solved_case(
     prepared = made.prepare(problem)
     for tolerance in tolerances:
         solution = prepared.solve(Stop(tolerance))
-        judged = judge_answers(problem, made.model, tolerance, solution.status, [solution.impulses])
+        status, answers, counts = solution.status, [solution.impulses], [solution.iterations]
+        judged = judge_answers(problem, made.model, tolerance, status, answers, iterations=counts)
         measured = measured_in(
             [timed_round(number, 1e-3 + 1e-5 * number, session=session) for number in range(passes)],
-            iterations=solution.iterations,
+            iterations=judged.iterations,
             residual=judged.coulomb.residual,
             model_residual=judged.own.residual,
             verdict=judged.coulomb.numeric_fields(),
             impulses=judged.worst_impulses,
             impulse_error=judged.impulse_error(problem),
         )
-        status = solution.status.value
-        points.append(Point(tolerance=tolerance, outcome=judged.outcome, status=status, reason="", measured=measured))
+        points.append(
+            Point(tolerance=tolerance, outcome=judged.outcome, status=status.value, reason="", measured=measured)
+        )
     return case_record(
         problem=problem.name,
         digest=problem.digest,

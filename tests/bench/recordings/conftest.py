@@ -55,7 +55,7 @@ def record_steps(recorder: SceneRecorder, steps: Sequence[Step], every: int = 1)
     """Record consecutive steps from the start of a scene, and draw every ``every``-th one."""
     scene, begin, rows = recorder.scene, recorder.scene.start, []
     for step in steps:
-        taken = AcceptedStep(begin, step.state, ((step, step.state.time - begin.time),))
+        taken = AcceptedStep(begin, step.state, ((step, step.state.time - begin.time),), iterations=step.iterations)
         rows.append(step_row(scene, taken, scene_values(scene, step.state), STATUSES).values)
         begin = step.state
     drawn = list(enumerate(steps, 1))[every - 1 :: every]

@@ -1,6 +1,6 @@
 """Simulations with variable steps: stored data, resumption, and failed steps."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import advance, resumable_simulation, simulate
 from proxbench.problems import ContactProblem, Model
-from proxbench.problems.contact.solver import Prepared
+from proxbench.problems.contact.solver import Prepared, Solution
 from proxbench.problems.motion.scenes.woodpecker import PERIOD, potential_energy
 from proxbench.problems.motion.stepping import variable_stepper
 from proxbench.problems.motion.stepping.sequences import StepCounter
@@ -19,6 +19,34 @@ from proxbench.problems.motion.stepping.step import AcceptedStep, Step
 from proxbench.solvers import create
 
 QUICK = "Extrapolated(tolerance=1e-4, min_step=1e-7)"
+
+
+class Counting:
+    """NSGS, which adds up the iterations of all its solves."""
+
+    name, model, has_iterates = "Counting", Model.COULOMB, False
+
+    def __init__(self) -> None:
+        self._solver, self.iterations = create("NSGS"), 0
+
+    def supports(self, problem: ContactProblem) -> str | None:
+        return self._solver.supports(problem)
+
+    def prepare(self, problem: ContactProblem) -> Any:
+        return CountingPrepared(self, self._solver.prepare(problem))
+
+
+@dataclass
+class CountingPrepared:
+    """A prepared solver whose iterations are added up."""
+
+    counter: Counting
+    inner: Prepared
+
+    def solve(self, *arguments: Any) -> Solution:
+        solution = self.inner.solve(*arguments)
+        self.counter.iterations += solution.iterations
+        return solution
 
 
 def plan(duration: float = 0.03, **options: object) -> SimulationPlan:
@@ -57,6 +85,15 @@ def test_each_row_has_the_time_of_its_own_attempts(monkeypatch: pytest.MonkeyPat
     assert len(set(steps["solves"])) > 3  # if rows were equal, exchanged times would not be noticed
     assert (steps["rejected"] > 0).any()
     np.testing.assert_array_equal(steps["seconds"], steps["solves"])
+
+
+@pytest.mark.parametrize("stepper", [QUICK, "StepDoubling(tolerance=1e-3)", "Moreau(step=1e-3)"])
+def test_iterations_are_those_of_all_attempts_as_are_the_times(stepper: str) -> None:
+    solver = Counting()
+    simulation = simulate(
+        make_simulation_plan("woodpecker", {"start": "cycle"}, duration=0.01, stepper=stepper, solver=solver)
+    )
+    assert simulation.steps["iterations"].sum() == solver.iterations > 0
 
 
 def test_energy_does_not_grow(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.store.conversion import content_of, record_of
 from proxbench.bench.store.fields import Quartiles
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import CaseRecord, Curve, Measured, Point, RunRecord
+from proxbench.bench.store.records import CaseRecord, Curve, Measured, ObservedSolve, Point, RunRecord
 from proxbench.bench.store.store import Store
 from proxbench.problems import Verdict
 
@@ -67,7 +67,8 @@ def test_columns_are_the_fields_of_the_records_however_little_was_measured(point
     lists = {"curve", "points"}
     assert set(run.cases) == set(CaseRecord.__struct_fields__) - lists | {"family", "is_finished", "is_tried"}
     numbers = {*Measured.__struct_fields__, *(field.name for field in dataclasses.fields(Verdict))}
-    numbers -= {"verdict", "errors", "rounds", "hashes", "impulses", "component_residuals"}
+    numbers |= set(ObservedSolve.__struct_fields__)
+    numbers -= {"observed", "verdict", "errors", "rounds", "hashes", "impulses", "component_residuals"}
     numbers -= {"first_seconds", "first_repeated_seconds", "copy_seconds", "copy_repeated_seconds"}
     spread = {f"{time}_{part}" for time in TIMES for part in ("min", "q1", "q3")}
     identity = {"problem", "family", "solver", "model"}

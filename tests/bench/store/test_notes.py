@@ -13,7 +13,7 @@ from proxbench.bench.store.notes import (
     notes_of,
 )
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import MAX_ANSWERS, Point
+from proxbench.bench.store.records import MAX_ANSWERS, ObservedSolve, Point
 from proxbench.problems import ContactProblem, judge
 from stored_cases import case_record, measured_in, timed_round
 from times_under_load import restore_limits
@@ -166,6 +166,27 @@ def test_the_fastest_first_solve_is_compared_with_the_slowest_repeated_ones() ->
 
 def test_first_solves_that_were_stored_without_solves_beside_them_are_not_noted() -> None:
     assert note(first_seconds=[9.0, 9.0, 9.0], copy_seconds=[9.0, 9.0, 9.0]) == ""
+
+
+@pytest.mark.parametrize(
+    ("fields", "note"),
+    [
+        (
+            {"observed": ObservedSolve(observed_iterates=92, observed_iterations=926)},
+            "it reports 926 iterations of a solve that shows 92 iterates",
+        ),
+        (
+            {"observed": ObservedSolve(observed_iterates=10, observed_iterations=1)},
+            "it reports 1 iteration of a solve that shows 10 iterates",
+        ),
+        ({"claimed_iterations": 5}, "it reports 5 iterations, which an observed solve contradicts"),
+        ({}, ""),
+    ],
+)
+def test_iterations_that_an_observed_solve_contradicts_are_noted(fields: dict[str, Any], note: str) -> None:
+    measured = measured_in([timed_round(0, 1.0)], **fields)
+    point = Point(tolerance=1e-4, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
+    assert notes_of(case_record(), point) == note
 
 
 def test_different_answers_are_noted_of_a_solver_that_does_not_draw_numbers() -> None:

@@ -8,7 +8,7 @@ from proxbench.bench.measure.contacts.answers import JudgedAnswers, judge_answer
 from proxbench.bench.measure.contacts.control import ControlSolve
 from proxbench.bench.measure.timed_round import TimedRound
 from proxbench.bench.store.outcome import Outcome
-from proxbench.bench.store.records import Point
+from proxbench.bench.store.records import ObservedSolve, Point
 from proxbench.problems import ContactProblem, Model, judge
 from proxbench.problems.contact.answer import Answer
 from proxbench.solvers import Status
@@ -22,7 +22,7 @@ SLIDES, ASSOCIATED = np.array([0.5, -0.25, 0.0]), np.array([1.0, -0.5, 0.0])
 def judged(
     *rows: np.ndarray, model: Model = Model.COULOMB, status: Status = Status.SOLVED, tolerance: float = 1e-6
 ) -> JudgedAnswers:
-    return judge_answers(PROBLEM, model, tolerance, status, rows)
+    return judge_answers(PROBLEM, model, tolerance, status, rows, iterations=range(1, len(rows) + 1))
 
 
 @pytest.mark.parametrize("order", [1, -1])
@@ -33,6 +33,13 @@ def test_the_worst_answer_counts_under_either_law(order: int) -> None:
     assert found.coulomb.residual == judge(PROBLEM, ASSOCIATED).residual > 0.1
     assert {one.unpacked(3).tobytes() for one in found.worst_impulses} == {SLIDES.tobytes(), ASSOCIATED.tobytes()}
     assert found.outcome is Outcome.WRONG
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_iterations_are_those_of_the_first_solve_with_the_worst_answer_under_coulombs_law(order: int) -> None:
+    rows = [SLIDES, 1.1 * SLIDES, 1.1 * SLIDES, 1.01 * SLIDES][::order]
+    assert judged(*rows).iterations == 2
+    assert judged(*(SLIDES, ASSOCIATED)[::order], model=Model.CONVEX).iterations == (2, 1)[::order][0]
 
 
 @pytest.mark.parametrize(
@@ -54,8 +61,10 @@ def test_claims_are_judged_by_the_model_of_the_solver(
     assert len(found.distinct) == len({one.tobytes() for one in rows})
 
 
-def first(impulses: np.ndarray, status: Status = Status.SOLVED, problem: ContactProblem = PROBLEM) -> ControlSolve:
-    return ControlSolve(problem, TimedRound(status, 1, "", [0.0], [2.0], [2.0], 0, 0, 0.0), impulses)
+def first(
+    impulses: np.ndarray, status: Status = Status.SOLVED, problem: ContactProblem = PROBLEM, iterations: int = 1
+) -> ControlSolve:
+    return ControlSolve(problem, TimedRound(status, iterations, "", [0.0], [2.0], [2.0], 0, 0, 0.0), impulses)
 
 
 def point_with(*firsts: ControlSolve, place: str = "in a first solve in a fresh process") -> Point:
@@ -91,6 +100,24 @@ def test_the_worst_failure_of_first_solves_counts_in_any_order(order: int) -> No
     assert found.reason.endswith(f"claimed 1e-06, but judged {residuals[0]:.1e}")
     assert found.measured is not None
     assert found.measured.residual == found.measured.model_residual == residuals[1]
+
+
+def test_iterations_are_those_of_the_first_solve_whose_residual_replaces_a_smaller_one() -> None:
+    found = point_with(first(5.0 * SLIDES, iterations=50), first(2.0 * SLIDES, iterations=20), first(SLIDES))
+    assert found.measured is not None
+    assert (found.measured.residual, found.measured.iterations) == (judge(PROBLEM, 5.0 * SLIDES).residual, 50)
+    kept = point_with(first(SLIDES, iterations=7)).measured
+    assert kept is not None
+    assert kept.iterations == measured_in([timed_round(0, 1.0)]).iterations
+
+
+def test_iterates_of_an_observed_solve_count_more_than_fewer_reported_iterations_of_a_first_solve() -> None:
+    observed = ObservedSolve(observed_iterates=40, observed_iterations=4)
+    measured = measured_in([timed_round(0, 1.0)], iterations=40, claimed_iterations=4, observed=observed)
+    point = Point(tolerance=1e-6, outcome=Outcome.SOLVED, status="solved", reason="", measured=measured)
+    found = judge_control_solves(PROBLEM, Model.COULOMB, point, [first(5.0 * SLIDES, iterations=5)], "there").measured
+    assert found is not None
+    assert (found.iterations, found.claimed_iterations) == (40, 5)
 
 
 def test_a_wrong_answer_to_a_copy_decides_and_is_not_kept() -> None:

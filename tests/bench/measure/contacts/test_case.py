@@ -22,7 +22,7 @@ from proxbench.bench.measure.contacts.case import (
 from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
-from proxbench.bench.store.records import Point
+from proxbench.bench.store.records import Curve, ObservedSolve, Point
 from proxbench.problems import judge
 from proxbench.solvers import Status, Stop
 from stored_cases import measured_in, timed_round
@@ -143,19 +143,6 @@ def test_a_claim_after_the_time_limit_does_not_count_unless_the_rounds_are_exclu
     assert made_case(limits=limits).point(1e-4, excluded).is_late_under_load
 
 
-def test_claimed_iterations_are_corrected_by_those_that_were_observed() -> None:
-    known = replace(point(1e-2), measured=measured_in([timed_round(0, 1e-3)], iterations=10, claimed_iterations=5))
-    for stored, claimed, expected in (
-        ((), 7, (7, None)),
-        ((known,), 7, (14, 7)),
-        ((known,), 0, (10, 0)),
-        ((point(1e-2),), 7, (7, None)),
-    ):
-        found = made_case(*stored).point(1e-4, [measured_round(iterations=claimed)]).measured
-        assert found is not None
-        assert (found.iterations, found.claimed_iterations) == expected
-
-
 class Scripted:
     """A process with given answers, processor time and number of started processes."""
 
@@ -197,7 +184,8 @@ def begun(monkeypatch: pytest.MonkeyPatch, process: Scripted) -> Case:
 
 def answered(numbers: Any, **changes: Any) -> dict[str, Any]:
     """Return the answer to a request for a round of two solves, which take almost no time."""
-    return {"round": (msgspec.to_builtins(timed(1e-9, 2, **changes)), numbers)}
+    plain = {"answer_iterations": [5] * (len(numbers) // 3)}
+    return {"round": (msgspec.to_builtins(timed(1e-9, 2, **{**plain, **changes})), numbers)}
 
 
 @pytest.mark.parametrize(
@@ -216,6 +204,27 @@ def test_a_round_has_one_answer_of_all_rows_for_each_solve_at_most(
         assert found is None
         assert case.outcome is Outcome.MISBEHAVED
         assert f"it returned {len(numbers)} numbers for 2 solves of 3 rows" in case.record().reason
+
+
+@pytest.mark.parametrize("iterations", [[], [5], [5, 5, 5], [5, -1], "55"])
+def test_a_round_without_the_iterations_of_each_answer_is_misbehaviour(
+    iterations: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process = Scripted(answered([*SOLUTION, *SOLUTION], answer_iterations=iterations))
+    case = begun(monkeypatch, process)
+    assert case.measure(1e-4, 0) is None
+    assert case.outcome is Outcome.MISBEHAVED
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_point_has_the_iterations_of_the_solve_whose_residual_it_has(order: int) -> None:
+    rounds = [
+        measured_round(impulses=SOLUTION, iterations=926),
+        measured_round(impulses=SOLUTION * 1.01, iterations=26),
+    ]
+    found = made_case().point(1e-1, rounds[::order]).measured
+    assert found is not None
+    assert (found.residual, found.iterations) == (judge(PROBLEM, SOLUTION * 1.01).residual, 26)
 
 
 @pytest.mark.parametrize(("named", "used"), [(None, 3), (1, 1), (2, 2), (5, 3)])
@@ -332,13 +341,59 @@ def test_an_inconsistent_convergence_curve_is_misbehaviour(
 
 
 @pytest.mark.parametrize(
-    ("calls", "claimed", "expected"), [(10, 5, 10), (5, 5, 5), (0, 5, 5), (10, -5, 5), (10, True, 5), (10, 0, 10)]
+    ("calls", "claimed", "reported", "iterations", "is_noted"),
+    [
+        (10, 5, 5, 10, True),
+        (10, 0, 0, 10, True),
+        (10, 5, 20, 20, True),
+        (92, 926, 926, 926, True),
+        (92, 926, 26, 26, True),
+        (5, 5, 7, 7, False),
+        (0, 5, 5, 5, False),
+        (10, -5, 5, 5, False),
+        (10, True, 5, 5, False),
+    ],
 )
-def test_iterations_are_those_of_the_observer_if_they_contradict_the_claimed_ones(
-    calls: Any, claimed: Any, expected: int, monkeypatch: pytest.MonkeyPatch
+def test_iterations_are_reported_or_observed_at_the_same_tolerance_but_never_scaled(
+    calls: Any, claimed: Any, reported: int, iterations: int, is_noted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answer = {"iterations": [1], "calls": calls, "claimed": claimed}
-    case = begun(monkeypatch, Scripted({"observe": (answer, SOLUTION)}))
-    found = case.point(1e-4, [measured_round(iterations=5)]).measured
+    process = Scripted({**answered(SOLUTION, answer_iterations=[reported]), "observe": (answer, SOLUTION)})
+    case = begun(monkeypatch, process)
+    rounds = [case.measure(1e-4, number) for number in range(2)]
+    found = case.point(1e-4, [one for one in rounds if one is not None]).measured
     assert found is not None
-    assert found.iterations == expected
+    assert found.iterations == iterations
+    assert found.claimed_iterations == (None if iterations == reported else reported)
+    assert found.observed == (ObservedSolve(observed_iterates=calls, observed_iterations=claimed) if is_noted else None)
+    stops = [arguments[0] for request, arguments in process.asked if request == "observe"]
+    assert [stop.tolerance for stop in stops] == [LADDER[-1], *([1e-4] if is_noted else [])]
+
+
+@pytest.mark.parametrize(
+    "stored", [{"observed": ObservedSolve(observed_iterates=10, observed_iterations=5)}, {"claimed_iterations": 5}]
+)
+def test_a_solver_that_contradicted_itself_in_an_earlier_pass_is_observed_at_each_point(
+    stored: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = replace(point(1e-2), measured=measured_in([timed_round(0, 1e-3)], **stored))
+    answer = {"iterations": [1], "calls": 12, "claimed": 6}
+    case = made_case(known)
+    process = Scripted({**answered(SOLUTION, answer_iterations=[7]), "observe": (answer, SOLUTION)})
+    monkeypatch.setattr(ladder, "Worker", lambda *setting: process)
+    case._curve = Curve(iteration=[1], residual=[1.0])
+    case.begin()
+    one = case.measure(1e-4, 0)
+    assert one is not None
+    found = case.point(1e-4, [one]).measured
+    assert found is not None
+    assert (found.iterations, found.claimed_iterations) == (12, 7)
+
+
+def test_a_solver_that_fails_when_it_is_observed_again_fails_the_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = {"iterations": [1], "calls": 12, "claimed": 6}
+    process = Scripted({**answered(SOLUTION), "observe": (answer, SOLUTION)})
+    case = begun(monkeypatch, process)
+    process.answers["observe"] = ({"unsupported_reason": 1}, [])
+    assert case.measure(1e-4, 0) is None
+    assert (case.outcome, case.points) == (Outcome.MISBEHAVED, [])

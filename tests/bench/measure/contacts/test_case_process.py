@@ -219,6 +219,20 @@ def test_a_solve_that_fails_ends_the_round(clock: Clock) -> None:
     assert times(found) == [(1.0, 2.0)]
 
 
+def test_a_round_has_the_iterations_of_the_first_solve_with_each_answer(clock: Clock) -> None:
+    """Solves take 10, 20, … iterations, and every second one has the same answer."""
+
+    class Alternating(Timed):
+        def solve(self, stop: Stop, start: Any = None, observe: Any = None) -> Solution:
+            found, number = super().solve(stop, start, observe), len(self.observed)
+            status = Status.SOLVED if number < 5 else Status.STALLED
+            return Solution(found.impulses + number % 2, status, 10 * number)
+
+    timed, answers = measured(Alternating(clock)).round(STOP, 1e3)
+    assert [impulses[0] for impulses in answers] == [1.0, 0.0, 1.0]
+    assert timed.answer_iterations == [10, 20, 50]
+
+
 def test_every_timed_solve_has_a_problem_of_its_own_and_no_observer(clock: Clock) -> None:
     solver = Timed(clock)
     measurement = measured(solver)
