@@ -12,11 +12,11 @@ from rich.text import Text
 
 from ...problems.contact.model import Model
 from ..store.condition import residual_note, run_state, steadiness, warnings
+from ..store.fields import accuracy_tag
 from ..store.frames import CASE, JUDGED, RunFrames
 from ..store.outcome import FAULTS, Cell, Outcome
 from .accuracy import (
     accuracies,
-    accuracy_tag,
     compares_all,
     excluded_cases,
     excluded_times,

@@ -8,9 +8,9 @@ import altair as alt
 import pandas as pd
 
 from ...store.condition import chart_notes, excluded_points
+from ...store.fields import exponent
 from ...store.frames import RunFrames
 from ..accuracy import summary_accuracies
-from ..cells import exponent
 from ..layout.output_file import write_file
 from ..layout.text import counted, csv_content
 from ..profiles import ALL, BUDGETS, COMMON, EVERY, RESIDUALS, other_threads_note, profile_accuracies, profile_tables

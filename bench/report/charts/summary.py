@@ -7,9 +7,10 @@ import altair as alt
 import pandas as pd
 
 from ...store.condition import chart_notes
+from ...store.fields import accuracy_tag, exponent
 from ...store.frames import RunFrames
-from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
-from ..cells import duration, exponent, solved_texts
+from ..accuracy import attempts, families, families_table, mean_time, summary_accuracies
+from ..cells import duration, solved_texts
 from ..layout.text import counted
 from .drawing import FONT_SIZE, LEGEND_WIDTH, TIME_AXIS, TIME_TITLE, by_name, heading, log_scale, stacked
 from .palette import PALETTE, solver_styles

@@ -20,6 +20,7 @@ from ....problems.motion.trajectories.limit_cycle import SwitchEvent
 from ...report.charts.drawing import stacked, write_drawing
 from ...report.charts.palette import PALETTE
 from ...report.layout.text import counted
+from ...store.fields import exponent
 from ..trajectory import Simulation, describe_switches
 
 POINTS = 500
@@ -97,17 +98,13 @@ def _title(simulation: Simulation, begin: float) -> str:
 def _subtitle(simulation: Simulation, n_steps: int, solves: int, switches: list[SwitchEvent]) -> str:
     plan = simulation.plan
     segments = simulation.segments
-    tolerances = ", then ".join(dict.fromkeys(_scientific(segment.tolerance) for segment in segments))
+    tolerances = ", then ".join(dict.fromkeys(exponent(segment.tolerance) for segment in segments))
     solvers = ", then ".join(dict.fromkeys(segment.solver.partition("(")[0] for segment in segments))
     solved = f"{solvers} to {tolerances}, {counted(int(simulation.unsolved.sum()), 'unsolved step')}"
     if not plan.stepper.locates_switches:
         return f"{plan.stepper.name}, {solved}"
     work = f"{counted(n_steps, 'step')}, {counted(solves, 'one-step solve')}, {describe_switches(switches)}"
     return f"{plan.stepper.name}, {work}; {solved}"
-
-
-def _scientific(tolerance: float) -> str:
-    return np.format_float_scientific(tolerance, trim="-", exp_digits=1)
 
 
 def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel]:

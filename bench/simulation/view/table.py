@@ -13,6 +13,7 @@ from ....problems.contact.model import Model
 from ....problems.motion.scenes.scene import Observable
 from ...report.layout.text import counted, overlap_words, unsolved_words
 from ...store.conversion import content_of
+from ...store.fields import accuracy_tag
 from ..history import Segment, planned_segment
 from ..trajectory import Ending, Simulation, describe_switches
 from .switching_table import period_lines, periods_document, plain_table, print_switches
@@ -178,7 +179,7 @@ def _print_segments(simulation: Simulation, console: Console) -> None:
         limits = [str(segment.max_iterations)] if has_limits else []
         table.add_row(
             Text(f"{step_slice.start + 1}–{step_slice.stop}"),
-            *map(Text, (segment.stepper, segment.solver, f"{segment.tolerance:.0e}", *limits, segment.start)),
+            *map(Text, (segment.stepper, segment.solver, accuracy_tag(segment.tolerance), *limits, segment.start)),
             Text(str(missed or "–"), style="bold red" if missed else ""),
         )
     console.print(table)
@@ -277,7 +278,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield "the judge confirms that impulses and forces at events are solved to 1e-09 or better", "green"
         return
     yield from _hidden_error_line(simulation)
-    tolerances = {f"{segment.tolerance:.0e}" for segment in simulation.segments}
+    tolerances = {accuracy_tag(segment.tolerance) for segment in simulation.segments}
     tolerance = tolerances.pop() if len(tolerances) == 1 else "the tolerance of its segment"
     if not total["unsolved_steps"]:
         yield f"the judge confirms that every step is solved to {tolerance}", "green"
