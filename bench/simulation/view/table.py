@@ -14,7 +14,7 @@ from ....problems.motion.scenes.scene import Observable
 from ...report.layout.text import counted, overlap_words, unsolved_words
 from ...store.conversion import content_of
 from ...store.fields import accuracy_tag
-from ..history import Segment, planned_segment
+from ..history import planned_segment
 from ..trajectory import Ending, Simulation, describe_switches
 from .switching_table import period_lines, periods_document, plain_table, print_switches
 
@@ -129,7 +129,7 @@ def simulation_document(simulation: Simulation) -> dict[str, Any]:
         "plan": content_of(simulation.plan.record),
         "segments": [
             {**content_of(segment), "first": step_slice.start + 1, "last": step_slice.stop}
-            for segment, step_slice in _segments_with_steps(simulation)
+            for segment, step_slice in simulation.segments_with_steps()
         ],
         "summary": summary(simulation),
         "windows": rows,
@@ -174,7 +174,7 @@ def _print_segments(simulation: Simulation, console: Console) -> None:
     has_limits = len({segment.max_iterations for segment in simulation.segments}) > 1
     headings = ["max iter."] if has_limits else []
     table = plain_table("steps", "stepper", "solver", "tolerance", *headings, "start", "missed")
-    for segment, step_slice in _segments_with_steps(simulation):
+    for segment, step_slice in simulation.segments_with_steps():
         missed = int(simulation.unsolved[step_slice].sum())
         limits = [str(segment.max_iterations)] if has_limits else []
         table.add_row(
@@ -183,14 +183,6 @@ def _print_segments(simulation: Simulation, console: Console) -> None:
             Text(str(missed or "–"), style="bold red" if missed else ""),
         )
     console.print(table)
-
-
-def _segments_with_steps(simulation: Simulation) -> Iterator[tuple[Segment, slice]]:
-    """Yield each segment with the indices of its steps."""
-    segments = simulation.segments
-    ends = [*(segment.first for segment in segments[1:]), simulation.n_steps]
-    for segment, end in zip(segments, ends, strict=True):
-        yield segment, slice(segment.first, end)
 
 
 _COLUMNS: dict[str, Callable[[Window], str]] = {
