@@ -115,8 +115,7 @@ function buildFilters() {
 
 function buildHead() {
   document.title = `Proxbench: ${run.run.id}`;
-  const suite = run.run.suite ? `, suite ${run.run.suite}` : "";
-  place("title").textContent = `Proxbench run ${run.run.id}${suite}`;
+  place("title").textContent = `Proxbench run ${run.run.title}`;
   place("sentences").replaceChildren(...run.run.sentences.map((sentence) => element("li", {}, sentence)));
   place("command").textContent = run.run.command;
   fill("machine-tables", element("div", { class: "columns" },
