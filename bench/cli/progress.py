@@ -23,6 +23,7 @@ from ..measure.execution.events import (
     ReferenceSimulated,
     RunStarted,
 )
+from ..store.fields import accuracy_tag
 
 LOADING = "loading kernels; compiling them at the first use takes up to a few minutes"
 """Description of a run until the first solver starts."""
@@ -107,7 +108,7 @@ class RunProgress(ProgressBar):
         elif isinstance(event, ProblemStarted):
             self.name(f"{event.problem}{_pass_text(event)}")
         elif isinstance(event, PointFinished):
-            self.name(f"{event.problem}: {event.solver}, {event.tolerance:.1e} is done", bar_only=True)
+            self.name(f"{event.problem}: {event.solver}, {accuracy_tag(event.tolerance)} is done", bar_only=True)
             if self._started.points:
                 self._points_done += 1
                 self.count(min(self._points_done, self._started.points), self._started.points)

@@ -195,8 +195,9 @@ def _report_unfinished(frames: "RunFrames") -> None:
 
 
 def _exit_code(run: "Run", shown: "RunFrames") -> int:
-    """Return 1 if a case that is shown failed or is missing, or a file of the run is damaged; else 0."""
-    return int(_has_failed(shown) or bool(run.damaged) or not shown.is_finished)
+    """Return 1 if a case that is shown failed or is missing, a shard is missing, or a file is damaged; else 0."""
+    is_complete = shown.is_finished and not run.info.plan.missing_shards
+    return int(_has_failed(shown) or bool(run.damaged) or not is_complete)
 
 
 def _has_failed(frames: "RunFrames") -> bool:

@@ -136,6 +136,7 @@ def make_plan(
         sampling=sampling,
         families=dict(selection.families),
         left_out=list(selection.left_out),
+        available=selection.available,
         shard=shard,
     )
     return Plan(record, selection.problems, specs)

@@ -31,12 +31,14 @@ class Selection:
         families: family of each problem, by name.
         suite: name of the suite; empty if the problems were named.
         left_out: a sentence for each file of a folder that cannot be measured.
+        available: number of problems of the suite, or of the given ones, of which ``problems`` may be a part.
     """
 
     problems: tuple[str | ContactProblem, ...]
     families: dict[str, str]
     suite: str = ""
     left_out: tuple[str, ...] = ()
+    available: int = 0
 
 
 def select(
@@ -83,7 +85,7 @@ def select(
     families = {candidate.name: candidate.family for candidate in sample_candidates}
     if suite_name and folders:
         suite_name = folders[0]
-    return Selection(tuple(loaded[name] for name in families), families, suite_name, tuple(left_out))
+    return Selection(tuple(loaded[name] for name in families), families, suite_name, tuple(left_out), len(candidates))
 
 
 def select_shard(selection: Selection, shard: str) -> tuple[Selection, str]:

@@ -8,6 +8,7 @@ import pandas as pd
 
 from ...problems.arrays import FloatArray
 from ...solvers.composite.warm import warm_name
+from ..store.fields import TOLERANCE_ROUNDING, accuracy_tag
 from ..store.frames import CASE, RunFrames
 from ..store.outcome import Outcome
 from ..store.ratios import ALONE, EXCLUDED, MARGIN, STANDINGS, reaching, standings, times_by_point
@@ -20,9 +21,6 @@ SUMMARY_ACCURACIES = (1e-4, 1e-6)
 
 SHIFT_SECONDS = 1e-3
 """Shift of the geometric mean [s], which limits the weight of problems that are solved in less time."""
-
-TOLERANCE_ROUNDING = 1e-9
-"""Relative difference up to which two tolerances are equal."""
 
 _PAIR_COLUMNS = ["problem", "family", "tolerance"]
 """Columns on which the points of a solver and those of its warm variant are joined."""
@@ -70,15 +68,6 @@ def _tolerances(frames: RunFrames) -> tuple[float, ...]:
 def reachable_accuracies(wanted: Sequence[float], tolerances: Sequence[float]) -> tuple[float, ...]:
     """Return the accuracies that are not finer than the finest tolerance."""
     return tuple(accuracy for accuracy in wanted if accuracy >= min(tolerances) * (1.0 - TOLERANCE_ROUNDING))
-
-
-def accuracy_tag(accuracy: float) -> str:
-    """Return an accuracy as written in the names of columns: ``"1e-04"``, ``"2.5e-04"``."""
-    texts = (f"{accuracy:.{digits}e}" for digits in range(16))
-    return next(
-        (text for text in texts if np.isclose(float(text), accuracy, rtol=TOLERANCE_ROUNDING, atol=0.0)),
-        f"{accuracy:e}",
-    )
 
 
 def times_to_accuracies(points: pd.DataFrame, levels: Sequence[float], limit: float = np.inf) -> pd.DataFrame:

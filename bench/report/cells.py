@@ -8,8 +8,9 @@ import pandas as pd
 
 from ...problems.contact.model import Model
 from ..store.condition import EXCLUDED_MARK
+from ..store.fields import accuracy_tag
 from ..store.ratios import EXCLUDED
-from .accuracy import accuracy_tag, shown_means
+from .accuracy import shown_means
 from .endings import join_texts
 
 TIME = "time_to_"
@@ -29,11 +30,6 @@ def duration(seconds: float) -> str:
 def _number_texts(values: "pd.Series[float]", form: str) -> list[str]:
     """Return numbers as text in the format ``form``, such as ``".2g"``, with dashes for those that are not finite."""
     return [f"{value:{form}}" if np.isfinite(value) else "–" for value in values]
-
-
-def exponent(tolerance: float) -> str:
-    """Return a tolerance with its significant digits: ``"1e-4"``, ``"2.5e-4"``."""
-    return np.format_float_scientific(tolerance, precision=3, trim="-", exp_digits=1)
 
 
 def time_columns(results: pd.DataFrame) -> dict[str, str]:
@@ -114,7 +110,8 @@ def all_solve_coulomb(cases: pd.DataFrame) -> bool:
 def shown_points(points: pd.DataFrame) -> pd.DataFrame:
     """Return the points of a study as text."""
     shown = pd.DataFrame({"problem": points["problem"], "solver": points["solver"]})
-    for heading, key in (("at", "tolerance"), ("error", "error"), ("from", "low"), ("to", "high")):
+    shown["at"] = _number_texts(points["tolerance"], "g")
+    for heading, key in (("error", "error"), ("from", "low"), ("to", "high")):
         shown[heading] = _number_texts(points[key], ".2g")
     shown.insert(3, "quantity", points["quantity"].fillna("–"))
     walls = zip(points["total_seconds"], points["is_excluded"].eq(True), strict=True)  # missing values are not True
@@ -194,7 +191,7 @@ def shown_families(solvers: Sequence[str], table: pd.DataFrame, tags: Sequence[s
 
 def shown_starts(starts: pd.DataFrame) -> pd.DataFrame:
     """Return the table of starts as text: solved problems, iterations and times from zero and warm, and the gain."""
-    shown = starts[["family", "solver"]].assign(to=[f"{value:.0e}" for value in starts["tolerance"]])
+    shown = starts[["family", "solver"]].assign(to=starts["tolerance"].map(accuracy_tag))
     for start in ("cold", "warm"):
         counts = zip(starts[f"{start}_solved"], starts["problems"], strict=True)
         shown[f"{start} solved"] = [f"{solved}/{total}" for solved, total in counts]

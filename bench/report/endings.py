@@ -5,10 +5,10 @@ from typing import Any
 import pandas as pd
 
 from ...problems.contact.solver import Status
+from ..store.fields import accuracy_tag
 from ..store.frames import CASE, RunFrames
 from ..store.outcome import Outcome, claim_reason
 from ..store.plans import Limits
-from .accuracy import accuracy_tag
 from .layout.text import counted
 
 _POINT_COLUMNS = ["tolerance", "outcome", "reason", "status", "model_residual", "notes"]

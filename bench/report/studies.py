@@ -74,7 +74,7 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
     rows = []
     for (solver, value), point in table.groupby(["solver", "tolerance"], sort=False):
         first = point.iloc[0]
-        row = {"solver": solver, "at": f"{value:.2g}"}
+        row = {"solver": solver, "at": f"{value:g}"}
         for quantity in table["quantity"].dropna().unique():
             of_quantity = point[point["quantity"] == quantity]
             row[str(quantity).replace(" ", "\n")] = (
@@ -103,11 +103,11 @@ def print_points(frames: RunFrames, trajectory: TrajectoryRecord, console: Conso
         text = f"reference  {quantity} {mean:.5g} {unit}, relative standard error over seeds {spread:.1e}"
         console.print(Text(text, style="dim"))
     for failed in table[table["reason"] != ""].drop_duplicates(["solver", "reason"]).to_dict("records"):
-        note = f"{failed['solver']} at {failed['tolerance']:.2g}: {failed['reason']}"
+        note = f"{failed['solver']} at {failed['tolerance']:g}: {failed['reason']}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
     with_overlaps = table[table["overlapping_steps"] > 0].drop_duplicates(["solver", "tolerance"])
     for record in with_overlaps.to_dict("records"):
-        note = f"{record['solver']} at {record['tolerance']:.2g}: {overlap_words(int(record['overlapping_steps']))}"
+        note = f"{record['solver']} at {record['tolerance']:g}: {overlap_words(int(record['overlapping_steps']))}"
         console.print(Text(wrap_note(note, console.width), style="yellow"))
 
 

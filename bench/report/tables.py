@@ -12,11 +12,12 @@ from rich.text import Text
 
 from ...problems.contact.model import Model
 from ..store.condition import residual_note, run_state, steadiness, warnings
+from ..store.fields import accuracy_tag
 from ..store.frames import CASE, JUDGED, RunFrames
 from ..store.outcome import FAULTS, Cell, Outcome
+from ..store.plans import PlanRecord
 from .accuracy import (
     accuracies,
-    accuracy_tag,
     compares_all,
     excluded_cases,
     excluded_times,
@@ -199,7 +200,7 @@ def print_tables(frames: RunFrames, console: Console) -> None:
     if len(summary):
         if families(frames):
             _print_families(frames, console)
-        _print_summary(summary, results["problem"].nunique(), frames.info.plan.suite, console)
+        _print_summary(summary, frames.info.plan, results["problem"].nunique(), console)
         _print_starts(starts_table(frames), console)
     if not frames.is_study:
         for sentence in limit_remedies(results["outcome"], frames.info.plan.limits):
@@ -278,10 +279,10 @@ def _print_families(frames: RunFrames, console: Console) -> None:
     console.print()
 
 
-def _print_summary(summary: pd.DataFrame, count: int, suite: str, console: Console) -> None:
-    """Print the summary over a number of problems, one table per accuracy."""
-    of_suite = f" of {suite}" if suite else ""
-    title = f"all {count} problems{of_suite}" if count > 1 else "summary"
+def _print_summary(summary: pd.DataFrame, plan: PlanRecord, count: int, console: Console) -> None:
+    """Print the summary over ``count`` problems of a plan, one table per accuracy."""
+    is_single = count == 1 and plan.n_available in (1, None)
+    title = "summary" if is_single else plan.problems_in_words(count)
     for tag in summary_tags(summary):
         console.print(Text(f"{title}, to {tag}", style="bold"))
         print_table(console, shown_summary(summary, tag), left_aligned=("model",), optional=("wrong",))

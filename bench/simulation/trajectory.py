@@ -1,6 +1,6 @@
 """A simulation: one row per accepted step, switching points, and states."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -141,6 +141,12 @@ class Simulation:
     def segments(self) -> tuple[Segment, ...]:
         """The settings of the steps, in order; empty without steps."""
         return self._progress.segments
+
+    def segments_with_steps(self) -> Iterator[tuple[Segment, slice]]:
+        """Yield each segment with the indices of its steps."""
+        ends = [*(segment.first for segment in self.segments[1:]), self.n_steps]
+        for segment, end in zip(self.segments, ends, strict=False):  # without steps there is no segment
+            yield segment, slice(segment.first, end)
 
     @property
     def tolerances(self) -> FloatArray:

@@ -131,11 +131,21 @@ def _resume_command(frames: RunFrames) -> str:
 
 
 def unfinished(frames: RunFrames) -> list[str]:
-    """Return the warning that planned cases are missing or measured in part; an empty list if all are measured.
+    """Return the warnings that cases or shards are missing, or cases measured in part; empty if all are measured.
 
     A case is missing if it was not reached, if its worker was lost, or if its file was deleted or is damaged.
     """
-    return [] if frames.is_finished else [f"UNFINISHED: {_unfinished_sentence(frames)}"]
+    return [f"{keyword}: {sentence}" for keyword, sentence in _missing_parts(frames).items()]
+
+
+def _missing_parts(frames: RunFrames) -> dict[str, str]:
+    """Return the warnings that cases or shards are missing, by keyword."""
+    sentences = {} if frames.is_finished else {"UNFINISHED": _unfinished_sentence(frames)}
+    missing = frames.info.plan.missing_shards
+    if missing:
+        shards = f"{'shard' if len(missing) == 1 else 'shards'} {first_names(missing, MAX_MISSING)}"
+        sentences["INCOMPLETE"] = f"the run was merged without {shards}, whose problems it lacks; merge it with them"
+    return sentences
 
 
 def _unfinished_sentence(frames: RunFrames) -> str:
@@ -158,9 +168,7 @@ def warnings(frames: RunFrames) -> list[str]:
 
 def _warnings_by_keyword(frames: RunFrames, marked: str = "") -> dict[str, str]:
     """Return the warnings of a run by keyword; ``marked`` is a clause about the mark of excluded times."""
-    sentences: dict[str, str] = {}
-    if not frames.is_finished:
-        sentences["UNFINISHED"] = _unfinished_sentence(frames)
+    sentences = _missing_parts(frames)
     if len(frames.cases) and not frames.is_study and not frames.cases["n_rows"].any():
         sentences["EMPTY"] = "no problem of this run has a contact, so nothing was solved; choose other problems"
     if excluded := excluded_points(frames):

@@ -1,4 +1,4 @@
-"""The base class of stored records, and the types of their fields.
+"""The base class of stored records, the types of their fields, and the text of tolerances.
 
 Files are not trusted, so every number has a range. Numbers that are not finite are null in files, and None in records
 that were read.
@@ -25,8 +25,25 @@ Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 Tolerance = Annotated[float, Meta(gt=0.0, lt=1.0)]
 """A tolerance, between 0 and 1."""
 
+TOLERANCE_ROUNDING = 1e-9
+"""Relative difference up to which two tolerances are equal."""
+
 Residual = Annotated[Number | None, Meta(extra={"none": math.inf})]
 """A judged residual; None in a record that was read means infinity."""
+
+
+def accuracy_tag(accuracy: float) -> str:
+    """Return a tolerance or an accuracy with all its digits, as in the names of columns: ``"1e-04"``, ``"2.5e-04"``."""
+    texts = (f"{accuracy:.{digits}e}" for digits in range(16))
+    return next(
+        (text for text in texts if math.isclose(float(text), accuracy, rel_tol=TOLERANCE_ROUNDING)), f"{accuracy:e}"
+    )
+
+
+def exponent(tolerance: float) -> str:
+    """Return a tolerance with all its digits and a short exponent, as in charts: ``"1e-4"``, ``"2.5e-4"``."""
+    mantissa, _, power = accuracy_tag(tolerance).partition("e")
+    return f"{mantissa}e{int(power)}"
 
 
 class Record(Struct, frozen=True, kw_only=True):

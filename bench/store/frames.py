@@ -108,6 +108,7 @@ class RunFrames:
         restricted_plan = msgspec.structs.replace(
             plan,
             problems=[name for name in plan.problems if name in problems],
+            available=plan.n_available,
             trajectories=[trajectory for trajectory in plan.trajectories if trajectory.name in problems],
         )
         frames = {name: getattr(self, name) for name in ("cases", "points", "rounds", "iterations", "errors")}

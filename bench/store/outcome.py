@@ -8,6 +8,7 @@ from ...problems.contact.judge import Verdict, judge
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Status
+from .fields import accuracy_tag
 
 WRONG_FACTOR = 10.0
 """A claim at tolerance t is wrong if the residual under the solver's own model exceeds this multiple of t."""
@@ -132,5 +133,5 @@ def claim_reason(outcome: str, tolerance: float, model: Model | str, own_residua
     The text is empty for other outcomes.
     """
     if outcome == Outcome.WRONG:
-        return f"claimed {tolerance:.0e}, but judged {own_residual:.1e}"
+        return f"claimed {accuracy_tag(tolerance)}, but judged {own_residual:.1e}"
     return f"solves the {model} model, not Coulomb friction" if outcome == Outcome.RELAXED else ""

@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from ...problems.exchange.families import Sampling, family_of
+from ...problems.representation import counted
 from ..errors import BenchError
 from .fields import MAX_NUMBER, Count, Number, Positive, Record, Tolerance
 
@@ -200,6 +201,10 @@ class TrajectoryRecord(Record, frozen=True, kw_only=True):
             raise ValueError("the members of its reference have values of different names")
 
 
+SHARD = "[1-9][0-9]{0,4}/[1-9][0-9]{0,4}"
+"""Regular expression of a part of a divided run, such as ``"2/8"``."""
+
+
 class PlanRecord(RunSettings, frozen=True, kw_only=True):
     """The plan of a run: problems, solvers and settings.
 
@@ -215,7 +220,10 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
         sampling: how the sample was divided among families.
         families: family of each problem, by name.
         left_out: a sentence for each file of a folder that cannot be measured.
+        available: number of problems of the suite, or of the given ones, before a sample or a shard is taken; None if
+            unknown, as in older runs.
         shard: part of a divided run, such as "2/8"; empty for a whole run.
+        missing_shards: the parts of a divided run that a merged run lacks, such as "2/8".
 
     Raises:
         ValueError: if the names of a run over trajectories differ from its trajectories or methods.
@@ -231,12 +239,30 @@ class PlanRecord(RunSettings, frozen=True, kw_only=True):
     sampling: Sampling = "proportional"
     families: dict[str, str] = {}
     left_out: list[str] = []
-    shard: Annotated[str, Meta(pattern="^([1-9][0-9]{0,4}/[1-9][0-9]{0,4})?$")] = ""
+    available: Count | None = None
+    shard: Annotated[str, Meta(pattern=f"^({SHARD})?$")] = ""
+    missing_shards: list[Annotated[str, Meta(pattern=f"^{SHARD}$")]] = []
 
     def __post_init__(self) -> None:
         names = [trajectory.name for trajectory in self.trajectories], [method.name for method in self.methods]
         if any(names) and names != (self.problems, self.solvers):
             raise ValueError("its names differ from those of its trajectories and methods")
+
+    @property
+    def n_available(self) -> int | None:
+        """Number of problems of which this run has all or a part; None if an older or merged run does not tell."""
+        if self.available is not None:
+            return self.available
+        is_part = self.sample is not None or self.shard or self.missing_shards or (self.suite and not self.requested)
+        return None if is_part else len(self.problems)
+
+    def problems_in_words(self, count: int) -> str:
+        """Return which problems a table of ``count`` problems is about, such as ``"2 of 9 problems of woodpecker"``."""
+        of_suite = f" of {self.suite}" if self.suite else ""
+        if self.n_available is None or count > self.n_available:
+            return f"{counted(count, 'problem')}{of_suite}"
+        numbers = f"{count} of {self.n_available}" if count < self.n_available else f"all {count}"
+        return f"{numbers} {'problem' if self.n_available == 1 else 'problems'}{of_suite}"
 
     def ladder(self, solver: str) -> list[float]:
         """Return the ladder of one of ``solvers``."""

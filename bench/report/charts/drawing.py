@@ -1,7 +1,9 @@
 """Layout and files of charts: stacked panels, written as SVG and PNG without a browser."""
 
+import json
 import math
 import textwrap
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -25,6 +27,9 @@ FONT_SIZE = 11
 
 CHARACTER_WIDTH = 0.56 * FONT_SIZE
 """Estimated mean width of a character of a sans serif [pixels]."""
+
+MAX_NAME_WIDTH = 300
+"""Width above which names on axes are shortened [pixels]."""
 
 SEPARATE_LEGENDS: dict[str, Literal["independent", "shared"]] = {
     "color": "independent",
@@ -144,6 +149,29 @@ def by_name(
     """Return an encoding of ``field`` by one property of the styles of solvers."""
     scale = alt.Scale(domain=list(styles), range=[getattr(style, style_property) for style in styles.values()])
     return channel(f"{field}:N", scale=scale, sort=list(styles), legend=legend)
+
+
+def short_names(names: Iterable[str], width: float = MAX_NAME_WIDTH) -> dict[str, str]:
+    """Return a label for each name; different names have different labels.
+
+    A name that is wider than ``width`` [pixels] is shortened in the middle. If this gives several names the same label,
+    these names are not shortened.
+    """
+    characters = int(width / CHARACTER_WIDTH)
+    head = characters // 2
+    labels = {
+        name: name if len(name) <= characters else f"{name[:head]}…{name[len(name) - (characters - head - 1) :]}"
+        for name in names
+    }
+    counts = Counter(labels.values())
+    return {name: label if counts[label] == 1 else name for name, label in labels.items()}
+
+
+def name_labels(names: Iterable[str]) -> dict[str, Any]:
+    """Return the settings of an axis that shows names, by their ``short_names``."""
+    shortened = {name: label for name, label in short_names(names).items() if label != name}
+    rule = {"labelExpr": f"{json.dumps(shortened)}[datum.value] || datum.label"} if shortened else {}
+    return {"labelLimit": 0, **rule}
 
 
 def solver_legend(styles: Mapping[str, SolverStyle], shown: Iterable[str], has_marks: bool = True) -> alt.Legend:

@@ -8,13 +8,23 @@ import altair as alt
 import pandas as pd
 
 from ...store.condition import chart_notes, excluded_points
+from ...store.fields import exponent
 from ...store.frames import RunFrames
 from ..accuracy import summary_accuracies
-from ..cells import exponent
 from ..layout.output_file import write_file
 from ..layout.text import counted, csv_content
 from ..profiles import ALL, BUDGETS, COMMON, EVERY, RESIDUALS, other_threads_note, profile_accuracies, profile_tables
-from .drawing import FONT_SIZE, SEPARATE_LEGENDS, by_name, heading, side_by_side, solver_legend, stacked, write_drawing
+from .drawing import (
+    FONT_SIZE,
+    SEPARATE_LEGENDS,
+    by_name,
+    heading,
+    name_labels,
+    side_by_side,
+    solver_legend,
+    stacked,
+    write_drawing,
+)
 from .palette import SolverStyle, solver_styles
 
 WIDTH, HEIGHT = 300, 220
@@ -248,7 +258,8 @@ def _speedup_panel(styles: Mapping[str, SolverStyle], data: Any) -> alt.LayerCha
         sentence = pd.DataFrame({"sentence": ["no times to compare"]})
         text = alt.Chart(sentence).mark_text(fontSize=FONT_SIZE)
         return alt.LayerChart(layer=[text.encode(y=alt.Y("sentence:N", axis=None), text="sentence:N")])
-    rows = alt.Y("solver:N", sort=list(styles), title=None).axis(ticks=False, domain=False, grid=True, labelLimit=300)
+    rows = alt.Y("solver:N", sort=list(styles), title=None)
+    rows = rows.axis(ticks=False, domain=False, grid=True, **name_labels(styles))
     across = alt.X("speedup:Q", title="speed-up (faster to the right)").scale(type="log", nice=True)
     across = across.axis(format="~g", tickCount=6, labelOverlap=True)
     colour = by_name(alt.Color, "solver", styles, "colour")

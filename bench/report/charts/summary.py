@@ -7,11 +7,12 @@ import altair as alt
 import pandas as pd
 
 from ...store.condition import chart_notes
+from ...store.fields import accuracy_tag, exponent
 from ...store.frames import RunFrames
-from ..accuracy import accuracy_tag, attempts, families, families_table, mean_time, summary_accuracies
-from ..cells import duration, exponent, solved_texts
+from ..accuracy import attempts, families, families_table, mean_time, summary_accuracies
+from ..cells import duration, solved_texts
 from ..layout.text import counted
-from .drawing import FONT_SIZE, LEGEND_WIDTH, TIME_AXIS, TIME_TITLE, by_name, heading, log_scale, stacked
+from .drawing import FONT_SIZE, LEGEND_WIDTH, TIME_AXIS, TIME_TITLE, by_name, heading, log_scale, name_labels, stacked
 from .palette import PALETTE, solver_styles
 
 WIDTH = 300
@@ -22,9 +23,6 @@ ROW = 26
 
 FAMILY_ROW, FAMILY_COLUMN = 36, 64
 """Size of the cell of a solver and a family [pixels]."""
-
-MAX_NAME_WIDTH = 300
-"""Largest width of the names of solvers [pixels]."""
 
 PALE, WHITE_TEXT_SHARE = "#eef3f7", 0.55
 """Colour of a zero share, and the share above which numbers are white."""
@@ -163,7 +161,7 @@ def _columns(field: str, names: Sequence[str], title: str | None, angle: int = 0
         orient="top",
         labelAngle=angle,
         labelAlign="left" if angle else "center",
-        labelLimit=MAX_NAME_WIDTH,
+        **name_labels(names),
         ticks=False,
         domain=False,
         grid=False,
@@ -184,7 +182,6 @@ def _panel(layers: list[alt.Chart], title: str, row: int = ROW, width: int = WID
 
 def _rows(solvers: Any, has_names: bool, has_lines: bool) -> alt.Y:
     """Return the rows of solvers in the order of the run, with or without their names and lines through them."""
-    axis = alt.Axis(
-        labels=has_names, ticks=False, domain=False, labelLimit=MAX_NAME_WIDTH, labelPadding=8, grid=has_lines
-    )
+    labels = name_labels(solvers)
+    axis = alt.Axis(labels=has_names, ticks=False, domain=False, labelPadding=8, grid=has_lines, **labels)
     return alt.Y("solver:N", sort=list(solvers), title=None, axis=axis)

@@ -9,6 +9,7 @@ from html import escape
 import pandas as pd
 
 from ...errors import BenchError
+from ...store.fields import accuracy_tag
 from ...store.frames import CASE, POINT, RunFrames
 from ...store.outcome import Outcome
 from ..layout.text import titled_names
@@ -180,4 +181,4 @@ def compare_runs(before: RunFrames, after: RunFrames, slowdown: float = SLOWDOWN
 def _points_in_words(changes: pd.DataFrame) -> list[str]:
     """Return changes as text, with the coarsest accuracy of each solver and problem."""
     coarsest = changes.sort_values("accuracy", ascending=False, kind="stable").drop_duplicates(CASE)
-    return [f"{row.solver} on {row.problem} to {row.accuracy:.0e}" for row in coarsest.itertuples()]
+    return [f"{row.solver} on {row.problem} to {accuracy_tag(row.accuracy)}" for row in coarsest.itertuples()]

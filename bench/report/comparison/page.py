@@ -7,7 +7,7 @@ import pandas as pd
 from rich.console import Console
 from rich.text import Text
 
-from ..accuracy import accuracy_tag
+from ...store.fields import accuracy_tag
 from ..cells import duration
 from ..layout.terminal_table import print_table
 from ..layout.text import inline, json_records, markdown_frame

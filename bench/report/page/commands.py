@@ -13,11 +13,11 @@ LINE_BREAK = " \\\n  "
 def repeat_command(run: RunRecord) -> str:
     """Return the command that repeats a run, provided that files, folders and plugins have not moved."""
     plan = run.plan
-    if plan.requested:
+    if plan.requested and not plan.missing_shards:
         selection = [option("suite" if plan.suite else "problem", name) for name in plan.requested]
         selection += sample_options(plan.sample, plan.sampling)
         selection += [option("shard", plan.shard)] if plan.shard else []
-    else:  # the selection is unknown, or the run is merged from different ones
+    else:  # the selection is unknown, or the run is merged from different ones or from some shards
         selection = [option("problem", name) for name in plan.problems]
     solvers = [option("solver", name) for name in plan.solvers]
     return LINE_BREAK.join(["proxbench run", *selection, *solvers, protocol_options(run)])

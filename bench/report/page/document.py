@@ -99,7 +99,9 @@ def _about(frames: RunFrames) -> dict[str, Any]:
     sentences = [*run_state(frames), *info.plan.left_out, *frames.damaged]
     return {
         "id": info.run_id,
-        "suite": info.plan.suite,
+        "title": f"{info.run_id}, {info.plan.problems_in_words(frames.cases['problem'].nunique())}"
+        if info.plan.suite
+        else info.run_id,
         "folder": str(frames.folder),
         "residual": frames.residual,
         "root": "" if frames.residual == JUDGED else "../",

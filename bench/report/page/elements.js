@@ -35,6 +35,9 @@ function duration(seconds) {
 const digits = (value, count) => (Number.isFinite(value) ? String(Number(value.toPrecision(count))) : NONE);
 const power = (value, count = 1) => (!Number.isFinite(value) ? NONE : value === 0 ? "0" : value.toExponential(count - 1));
 
+// A tolerance with all its digits, without rounding errors.
+const exact = (tolerance) => Number(tolerance.toPrecision(10)).toExponential();
+
 const SHAPES = {
   circle: "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0",
   square: "M-3.5,-3.5h7v7h-7z",

@@ -24,7 +24,7 @@ async function render() {
   const parts = state.isSplit ? byFamily(view) : [{ family: "", ...view }];
   place("counts").textContent =
     `${view.problems.length} of ${run.problems.length} problems, ${view.solvers.length} of ${run.solvers.length} solvers, ` +
-    `to a ${run.run.residual} residual of ${power(view.accuracy)}` +
+    `to a ${run.run.residual} residual of ${exact(view.accuracy)}` +
     (view.problems.length && view.solvers.length ? "" : "; nothing matches the filters: select more");
   place("key").replaceChildren(...view.solvers.map((solver) => element("span", {}, swatch(solver), solver.name)));
   place("baseline-name").textContent = view.baseline;
@@ -91,7 +91,7 @@ function checkboxes(name, title, text) {
 }
 
 function buildFilters() {
-  const accuracies = new Map(run.accuracies.map((accuracy) => [power(accuracy, 4).replace(/\.?0+e/, "e"), accuracy]));
+  const accuracies = new Map(run.accuracies.map((accuracy) => [exact(accuracy), accuracy]));
   const accuracy = [...accuracies.keys()][run.accuracies.indexOf(state.accuracy)];
   const split = element("input", { type: "checkbox", checked: state.isSplit, onchange: (event) => change({ isSplit: event.target.checked }) });
   const name = element("input", { type: "search", value: state.name, oninput: (event) => change({ name: event.target.value }) });
@@ -115,8 +115,7 @@ function buildFilters() {
 
 function buildHead() {
   document.title = `Proxbench: ${run.run.id}`;
-  const suite = run.run.suite ? `, suite ${run.run.suite}` : "";
-  place("title").textContent = `Proxbench run ${run.run.id}${suite}`;
+  place("title").textContent = `Proxbench run ${run.run.title}`;
   place("sentences").replaceChildren(...run.run.sentences.map((sentence) => element("li", {}, sentence)));
   place("command").textContent = run.run.command;
   fill("machine-tables", element("div", { class: "columns" },

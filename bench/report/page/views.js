@@ -158,7 +158,7 @@ function problemView(view, problem) {
       ["digest", problem.digest], ["recording", recording(run, problem)],
     ]),
     costFigure("cost"), convergenceFigure("convergence"),
-    element("h4", {}, `Solvers shown, to a residual of ${power(view.accuracy)}`), table(columns, rows, `Solvers on ${problem.name}`),
+    element("h4", {}, `Solvers shown, to a residual of ${exact(view.accuracy)}`), table(columns, rows, `Solvers on ${problem.name}`),
   ];
 }
 
@@ -167,7 +167,7 @@ function caseView(view, problem, solver, one) {
   const columns = [...["tolerance", "residual", "of its model"].map(numeric), { name: "outcome" },
     ...["iterations", "preparation", "time", "quartiles"].map(numeric), { name: "reason" }];
   const rows = one.points.map((point) => [
-    { text: power(point.tolerance), value: point.tolerance }, { text: power(point.residual ?? NaN, 3), value: point.residual },
+    { text: exact(point.tolerance), value: point.tolerance }, { text: power(point.residual ?? NaN, 3), value: point.residual },
     { text: power(point.model_residual ?? NaN, 3), value: point.model_residual }, point.outcome,
     { text: point.iterations ?? NONE, value: point.iterations }, timeCell(point.prepare ?? NaN), timeCell(point.seconds ?? NaN, point.excluded),
     { text: point.low === null ? NONE : `${duration(point.low)} to ${duration(point.high)}`, value: point.low },
@@ -198,7 +198,7 @@ function startsTable(rows) {
   return table(columns, rows.map((row) => [
     row.family,
     row.solver,
-    { text: power(row.tolerance), value: row.tolerance },
+    { text: exact(row.tolerance), value: row.tolerance },
     counts(row.cold_solved, row.problems),
     counts(row.warm_solved, row.problems),
     ...[row.cold_iterations, row.warm_iterations].map((value) => rounded(value, 3)),

@@ -5,7 +5,7 @@ For scenes without named coordinates, such as many balls, the chart shows contac
 over the whole time, with counts of switching points.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,9 +17,11 @@ from scipy.interpolate import CubicHermiteSpline
 
 from ....problems.arrays import FloatArray
 from ....problems.motion.trajectories.limit_cycle import SwitchEvent
-from ...report.charts.drawing import stacked, write_drawing
+from ...report.charts.drawing import LEGEND_WIDTH, heading, stacked, write_drawing
 from ...report.charts.palette import PALETTE
 from ...report.layout.text import counted
+from ...store.fields import exponent
+from ..history import Segment, planned_segment
 from ..trajectory import Simulation, describe_switches
 
 POINTS = 500
@@ -65,13 +67,7 @@ def simulation_chart(simulation: Simulation, seconds: float = SHOWN_SECONDS) -> 
     last = panels[-1].layer[0] if isinstance(panels[-1], alt.LayerChart) else panels[-1]
     last.encoding.x.title = "simulated time [s]"
     last.encoding.x.axis = alt.Axis()
-    title = alt.TitleParams(
-        _title(simulation, begin),
-        subtitle=_subtitle(simulation, int(shown.sum()), int(steps["solves"][shown].sum()), switches),
-        anchor="start",
-        fontSize=16,
-        subtitleFontSize=12,
-    )
+    title = heading(_title(simulation, begin), [_subtitle(simulation, shown, switches)], WIDTH + LEGEND_WIDTH)
     resolve: dict[str, Any] = {"x": "shared", "color": "independent", "strokeDash": "independent"}
     return stacked(panels, title, resolve, label_width=44)
 
@@ -94,20 +90,43 @@ def _title(simulation: Simulation, begin: float) -> str:
     return f"{name}{balls} over time{suffix}"
 
 
-def _subtitle(simulation: Simulation, n_steps: int, solves: int, switches: list[SwitchEvent]) -> str:
-    plan = simulation.plan
-    segments = simulation.segments
-    tolerances = ", then ".join(dict.fromkeys(_scientific(segment.tolerance) for segment in segments))
-    solvers = ", then ".join(dict.fromkeys(segment.solver.partition("(")[0] for segment in segments))
-    solved = f"{solvers} to {tolerances}, {counted(int(simulation.unsolved.sum()), 'unsolved step')}"
-    if not plan.stepper.locates_switches:
-        return f"{plan.stepper.name}, {solved}"
-    work = f"{counted(n_steps, 'step')}, {counted(solves, 'one-step solve')}, {describe_switches(switches)}"
-    return f"{plan.stepper.name}, {work}; {solved}"
+def _subtitle(simulation: Simulation, shown: NDArray[np.bool_], switches: list[SwitchEvent]) -> str:
+    """Return the settings, the work and the unsolved steps of the shown time; earlier unsolved steps are also counted.
+
+    Args:
+        simulation: the simulation.
+        shown: whether each step is shown, shape (n_steps,).
+        switches: the shown switching points.
+    """
+    parts = simulation.segments_with_steps()
+    segments = [segment for segment, step_slice in parts if shown[step_slice].any()]
+    segments = segments or [planned_segment(simulation.plan, 0)]
+    steppers = {segment.stepper for segment in segments}
+    earlier = int(simulation.unsolved[~shown].sum())
+    solved = f"{_settings(segments)}, {counted(int(simulation.unsolved[shown].sum()), 'unsolved step')}"
+    solved += f" and {earlier} earlier" if earlier else ""
+    stepper = f"{steppers.pop()}, " if len(steppers) == 1 else ""
+    if not simulation.plan.stepper.locates_switches:
+        return f"{stepper}{solved}"
+    solves = counted(int(simulation.steps["solves"][shown].sum()), "one-step solve")
+    return f"{stepper}{counted(int(shown.sum()), 'step')}, {solves}, {describe_switches(switches)}; {solved}"
 
 
-def _scientific(tolerance: float) -> str:
-    return np.format_float_scientific(tolerance, trim="-", exp_digits=1)
+def _settings(segments: Sequence[Segment]) -> str:
+    """Return the solvers and tolerances of segments in words, and those other settings that differ between them."""
+    differing = {
+        name for name in ("stepper", "start", "max_iterations") if len({getattr(one, name) for one in segments}) > 1
+    }
+    texts = []
+    for segment in segments:
+        words = {
+            "stepper": segment.stepper,
+            "solver": f"{segment.solver} to {exponent(segment.tolerance)}",
+            "start": f"{segment.start} starts",
+            "max_iterations": f"at most {counted(segment.max_iterations, 'iteration')}",
+        }
+        texts.append(", ".join(text for name, text in words.items() if name == "solver" or name in differing))
+    return ", then ".join(texts)
 
 
 def _work_panels(simulation: Simulation, shown: NDArray[np.bool_]) -> list[Panel]:

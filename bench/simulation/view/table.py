@@ -13,7 +13,8 @@ from ....problems.contact.model import Model
 from ....problems.motion.scenes.scene import Observable
 from ...report.layout.text import counted, overlap_words, unsolved_words
 from ...store.conversion import content_of
-from ..history import Segment, planned_segment
+from ...store.fields import accuracy_tag
+from ..history import planned_segment
 from ..trajectory import Ending, Simulation, describe_switches
 from .switching_table import period_lines, periods_document, plain_table, print_switches
 
@@ -128,7 +129,7 @@ def simulation_document(simulation: Simulation) -> dict[str, Any]:
         "plan": content_of(simulation.plan.record),
         "segments": [
             {**content_of(segment), "first": step_slice.start + 1, "last": step_slice.stop}
-            for segment, step_slice in _segments_with_steps(simulation)
+            for segment, step_slice in simulation.segments_with_steps()
         ],
         "summary": summary(simulation),
         "windows": rows,
@@ -173,23 +174,15 @@ def _print_segments(simulation: Simulation, console: Console) -> None:
     has_limits = len({segment.max_iterations for segment in simulation.segments}) > 1
     headings = ["max iter."] if has_limits else []
     table = plain_table("steps", "stepper", "solver", "tolerance", *headings, "start", "missed")
-    for segment, step_slice in _segments_with_steps(simulation):
+    for segment, step_slice in simulation.segments_with_steps():
         missed = int(simulation.unsolved[step_slice].sum())
         limits = [str(segment.max_iterations)] if has_limits else []
         table.add_row(
             Text(f"{step_slice.start + 1}–{step_slice.stop}"),
-            *map(Text, (segment.stepper, segment.solver, f"{segment.tolerance:.0e}", *limits, segment.start)),
+            *map(Text, (segment.stepper, segment.solver, accuracy_tag(segment.tolerance), *limits, segment.start)),
             Text(str(missed or "–"), style="bold red" if missed else ""),
         )
     console.print(table)
-
-
-def _segments_with_steps(simulation: Simulation) -> Iterator[tuple[Segment, slice]]:
-    """Yield each segment with the indices of its steps."""
-    segments = simulation.segments
-    ends = [*(segment.first for segment in segments[1:]), simulation.n_steps]
-    for segment, end in zip(segments, ends, strict=True):
-        yield segment, slice(segment.first, end)
 
 
 _COLUMNS: dict[str, Callable[[Window], str]] = {
@@ -277,7 +270,7 @@ def _closing_lines(simulation: Simulation) -> Iterator[tuple[str, str]]:
         yield "the judge confirms that impulses and forces at events are solved to 1e-09 or better", "green"
         return
     yield from _hidden_error_line(simulation)
-    tolerances = {f"{segment.tolerance:.0e}" for segment in simulation.segments}
+    tolerances = {accuracy_tag(segment.tolerance) for segment in simulation.segments}
     tolerance = tolerances.pop() if len(tolerances) == 1 else "the tolerance of its segment"
     if not total["unsolved_steps"]:
         yield f"the judge confirms that every step is solved to {tolerance}", "green"

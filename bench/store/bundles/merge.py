@@ -7,7 +7,6 @@ differ are an error.
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
-from itertools import zip_longest
 from pathlib import Path
 from typing import TypeVar
 
@@ -55,8 +54,8 @@ def merge(
     _require_same_settings(bundles)
     plans = [bundle.run.plan for bundle in bundles]
     _write(folder, _merged(bundles, folder, _merged_plan(plans)))
-    for sentence in _missing_shards(plans):
-        on_missing(sentence)
+    for shard in _missing_shards(plans):
+        on_missing(f"shard {shard} is missing.")
 
 
 def _merged(bundles: Sequence[Bundle], folder: Path, plan: PlanRecord) -> Bundle:
@@ -138,47 +137,81 @@ def _require_one_machine(cases: Iterable[CaseRecord], sessions: Sequence[Session
                 )
 
 
-def _shard(plan: PlanRecord) -> tuple[int, int]:
-    """Return the number of a shard and the number of shards; zeros for an undivided run."""
-    number, _, count = plan.shard.partition("/")
-    return int(number or 0), int(count or 0)
+def _shards(plan: PlanRecord) -> tuple[list[int], int]:
+    """Return the numbers of the shards that a run has, and the number of all shards; none for an undivided run."""
+    if plan.shard:
+        number, count = _numbers(plan.shard)
+        return [number], count
+    missing = list(map(_numbers, plan.missing_shards))
+    count = missing[0][1] if missing else 0
+    return [number for number in range(1, count + 1) if (number, count) not in missing], count
+
+
+def _numbers(shard: str) -> tuple[int, int]:
+    """Return i and n of a shard ``"i/n"``."""
+    number, _, count = shard.partition("/")
+    return int(number), int(count)
 
 
 def _are_shards(plans: Sequence[PlanRecord]) -> bool:
-    """Return whether all plans are shards of one run."""
-    return all(plan.shard for plan in plans) and len({_shard(plan)[1] for plan in plans}) == 1
+    """Return whether all plans are shards of one run, or were merged from such shards."""
+    counts = {_shards(plan)[1] for plan in plans}
+    return len(counts) == 1 and 0 not in counts and _select_the_same(plans)
 
 
 def _missing_shards(plans: Sequence[PlanRecord]) -> list[str]:
-    """Return a sentence for each missing shard of a divided run."""
+    """Return the missing shards of a divided run."""
     if not _are_shards(plans):
         return []
-    count, shard_numbers = _shard(plans[0])[1], {_shard(plan)[0] for plan in plans}
-    return [f"shard {number}/{count} is missing." for number in range(1, count + 1) if number not in shard_numbers]
+    count, present = _shards(plans[0])[1], {number for plan in plans for number in _shards(plan)[0]}
+    return [f"{number}/{count}" for number in range(1, count + 1) if number not in present]
 
 
 def _merged_plan(plans: Sequence[PlanRecord]) -> PlanRecord:
     """Return the plan of all runs; problems of shards alternate, as before the run was divided."""
-    name_lists = [plan.problems for plan in (sorted(plans, key=_shard) if _are_shards(plans) else plans)]
-    rows = zip_longest(*name_lists) if _are_shards(plans) else name_lists
+    is_undivided = not any(_shards(plan)[1] for plan in plans)
+    has_one_selection = _are_shards(plans) or (is_undivided and _select_the_same(plans))
     return replace(
         plans[0],
-        problems=_unique(name for row in rows for name in row if name is not None),
+        problems=_unique(_problems_in_order(plans)),
         solvers=_unique(name for plan in plans for name in plan.solvers),
         families={name: family for plan in plans for name, family in plan.families.items()},
         suite=plans[0].suite if len({plan.suite for plan in plans}) == 1 else "",
-        requested=plans[0].requested if _select_the_same(plans) else [],
+        requested=plans[0].requested if has_one_selection else [],
         left_out=_unique(sentence for plan in plans for sentence in plan.left_out),
+        available=_available(plans),
         shard="",
+        missing_shards=_missing_shards(plans),
     )
 
 
+def _problems_in_order(plans: Sequence[PlanRecord]) -> list[str]:
+    """Return the problems of all plans, those of shards in the order of the undivided run."""
+    if not _are_shards(plans):
+        return [name for plan in plans for name in plan.problems]
+    places: dict[str, int] = {}
+    for plan in plans:
+        numbers, count = _shards(plan)
+        for index, name in enumerate(plan.problems):
+            turn, position = divmod(index, len(numbers))
+            places[name] = turn * count + numbers[position]
+    return sorted(places, key=places.__getitem__)
+
+
+def _available(plans: Sequence[PlanRecord]) -> int | None:
+    """Return the number of problems of which a merged run has all or a part; None if unknown.
+
+    Runs of one suite, or of the same given problems, have parts of the same problems.
+    """
+    totals = {plan.available for plan in plans}
+    selections = {(plan.suite, *(() if plan.suite else plan.requested)) for plan in plans}
+    return plans[0].available if len(totals) == len(selections) == 1 else None
+
+
 def _select_the_same(plans: Sequence[PlanRecord]) -> bool:
-    """Return whether the plans, or together all shards of a run, have the problems of one selection."""
-    first, names = plans[0], ("suite", "requested", "sample", "sampling", "seed")
-    is_same = all(getattr(plan, name) == getattr(first, name) for plan in plans for name in names)
-    is_whole = not any(plan.shard for plan in plans) or (_are_shards(plans) and not _missing_shards(plans))
-    return is_same and is_whole
+    """Return whether the plans have all or a part of the problems of one selection."""
+    names = ("suite", "requested", "sample", "sampling", "seed")
+    return all(getattr(plan, name) == getattr(plans[0], name) for plan in plans for name in names)
 
 
 def _unique(items: Iterable[Item]) -> list[Item]:

@@ -189,3 +189,10 @@ def test_a_file_that_is_not_a_problem_file_is_refused_as_such(tmp_path: Path) ->
     np.save(tmp_path / "g.npy", np.eye(3))
     with pytest.raises(ProblemError, match=r"g\.npy is not a problem file, whose name ends in \.npz"):
         select([str(tmp_path / "g.npy")], "quick")
+
+
+def test_a_sample_and_a_shard_know_of_how_many_problems_they_are_a_part() -> None:
+    drawn = select(None, "woodpecker", sample=4)
+    part, _ = select_shard(drawn, "1/2")
+    assert (len(part.problems), len(drawn.problems)) == (2, 4)
+    assert part.available == drawn.available == len(select(None, "woodpecker").problems)

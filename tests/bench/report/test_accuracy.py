@@ -17,7 +17,14 @@ from proxbench.bench.report.accuracy import (
     starts_table,
     summary_table,
 )
-from proxbench.bench.report.cells import duration, shown_families, shown_points, shown_results, shown_summary
+from proxbench.bench.report.cells import (
+    duration,
+    shown_families,
+    shown_points,
+    shown_results,
+    shown_starts,
+    shown_summary,
+)
 from proxbench.bench.report.tables import print_tables, results_table, write_tables
 from proxbench.bench.store.frames import RunFrames
 from proxbench.bench.store.outcome import Outcome
@@ -217,6 +224,13 @@ def test_the_table_of_starts_compares_the_problems_solved_both_ways(tmp_path: Pa
     assert list(rows.loc[["p", "q"], "gain"]) == pytest.approx([4.0, 0.5])
     assert list(rows.loc[["p", "q"], "slower"]) == [0, 1]
     assert np.isnan(rows.loc["r", "gain"])
+
+
+def test_rows_of_starts_with_similar_tolerances_differ(tmp_path: Path) -> None:
+    points = [solved_point(tolerance, [timed_round(0, 0.1)]) for tolerance in (1.4e-4, 1.2e-4)]
+    cases = [case(name, *points) for name in ("S", "Warm(S)")]
+    table = starts_table(load(store_run(tmp_path / "run", cases, limits=LIMITS)))
+    assert shown_starts(table)["to"].tolist() == ["1.4e-04", "1.2e-04"]
 
 
 def test_a_run_without_warm_solvers_has_no_table_of_starts(finished: RunFrames) -> None:

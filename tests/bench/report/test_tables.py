@@ -19,6 +19,8 @@ from proxbench.bench.report.tables import (
 from proxbench.bench.store.frames import RunFrames
 from proxbench.bench.store.outcome import Outcome
 from rich.console import Console
+from simulated_runs import solved_point, store_run
+from stored_cases import case_record, timed_round
 
 REFERENCE = Path(__file__).parents[3] / "results/reference.bundle"
 
@@ -270,3 +272,37 @@ def test_the_printed_table_fits_its_width_and_spells_failures_out(finished: RunF
 )
 def test_times_are_shown_in_engineering_units(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("plan", "problems", "title"),
+    [
+        ({}, ("a", "b", "c"), "all 3 problems, to"),
+        ({}, ("a", "b"), "2 of 3 problems, to"),
+        ({}, ("b",), "1 of 3 problems, to"),
+        ({"suite": "mine", "requested": ["mine"]}, ("a", "b", "c"), "all 3 problems of mine, to"),
+        ({"suite": "mine", "requested": ["mine"], "available": 9}, ("a", "b", "c"), "3 of 9 problems of mine, to"),
+        ({"suite": "mine", "requested": ["mine"], "sample": 3}, ("a", "b", "c"), "3 problems of mine, to"),
+        ({"suite": "mine", "requested": ["mine"], "shard": "1/2"}, ("a", "b"), "2 problems of mine, to"),
+    ],
+)
+def test_the_summary_says_which_part_of_the_problems_it_is_about(
+    plan: dict[str, object], problems: tuple[str, ...], title: str, tmp_path: Path
+) -> None:
+    points = [solved_point(1e-2, [timed_round(0, 0.1)])]
+    cases = [
+        case_record(problem=name, solver="S", points=points, outcome=Outcome.MEASURED, digest="0" * 64)
+        for name in ("a", "b", "c")
+    ]
+    frames = load(store_run(tmp_path / "run", cases))
+    frames = replace(frames, info=changed(frames.info, plan=changed(frames.info.plan, **plan)))
+    for shown in (frames.only(problems), measured_only(frames, problems)):
+        text = StringIO()
+        print_tables(shown, Console(file=text, width=120))
+        assert any(line.startswith(title) for line in text.getvalue().splitlines())
+
+
+def measured_only(frames: RunFrames, problems: tuple[str, ...]) -> RunFrames:
+    """Return a run that was interrupted after some problems."""
+    tables = {name: getattr(frames, name) for name in ("cases", "points", "rounds", "iterations", "errors")}
+    return replace(frames, **{name: table[table["problem"].isin(problems)] for name, table in tables.items()})

@@ -64,6 +64,7 @@ def test_a_claim_is_wrong_from_ten_times_its_tolerance_on() -> None:
 
 def test_reasons_are_given_for_claims_that_do_not_count_alone() -> None:
     assert claim_reason(Outcome.WRONG, 1e-4, Model.COULOMB, 0.25) == "claimed 1e-04, but judged 2.5e-01"
+    assert claim_reason(Outcome.WRONG, 2.4e-4, Model.COULOMB, 0.25) == "claimed 2.4e-04, but judged 2.5e-01"
     assert claim_reason(Outcome.RELAXED, 1e-4, Model.CONVEX, 0.0) == "solves the convex model, not Coulomb friction"
     assert claim_reason(Outcome.SOLVED, 1e-4, Model.COULOMB, 0.0) == ""
     assert late_reason(2.0, 2.0) == ""

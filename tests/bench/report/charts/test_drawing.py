@@ -3,7 +3,14 @@
 import altair as alt
 import pandas as pd
 import pytest
-from proxbench.bench.report.charts.drawing import MAX_LEGEND_ROWS, heading, log_scale, solver_legend
+from proxbench.bench.report.charts.drawing import (
+    MAX_LEGEND_ROWS,
+    heading,
+    log_scale,
+    name_labels,
+    short_names,
+    solver_legend,
+)
 from proxbench.bench.report.charts.palette import solver_styles
 
 
@@ -48,3 +55,24 @@ def test_an_axis_over_several_powers_of_ten_is_no_wider_than_its_values() -> Non
     values = pd.DataFrame({"residual": [2e-8, 4e-2]})
     scales = [log_scale(values, ["residual"], has_decades=has_decades).to_dict() for has_decades in (True, False)]
     assert scales[0] == scales[1]
+
+
+LONG = "Fallback(SORprox(relaxation=1.5, form='factors'), NSGS, SORprox, {})"
+
+
+def test_a_long_name_keeps_both_ends_and_a_short_one_all_of_it() -> None:
+    names = [LONG.format("Robust"), LONG.format("Jprox"), "NSGS"]
+    labels = short_names(names, width=300.0)
+    assert all(len(label) <= 300.0 / (0.56 * 11) for label in labels.values())
+    assert labels[names[0]].startswith("Fallback(SORprox(")
+    assert labels[names[0]].endswith("SORprox, Robust)")
+    assert labels[names[1]].endswith("SORprox, Jprox)")
+    assert labels["NSGS"] == "NSGS"
+    assert "labelExpr" not in name_labels(["NSGS"])
+
+
+@pytest.mark.parametrize("place", ["start", "middle", "end"])
+def test_different_names_have_different_labels(place: str) -> None:
+    parts = {"start": "{}" + "x" * 90, "middle": "x" * 45 + "{}" + "x" * 45, "end": "x" * 90 + "{}"}
+    names = [parts[place].format(letter) for letter in "abc"]
+    assert len(set(short_names(names).values())) == len(names)

@@ -1,12 +1,19 @@
 """Charts of a whole run agree with its summary table."""
 
 import json
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
+from msgspec.structs import replace as changed
 from proxbench.bench.report import accuracy
 from proxbench.bench.report.accuracy import summary_table
+from proxbench.bench.report.charts.drawing import write_drawing
+from proxbench.bench.report.charts.palette import solver_styles
+from proxbench.bench.report.charts.profiles import profile_panel
 from proxbench.bench.report.charts.summary import success_chart, summary_charts, time_chart
 from proxbench.bench.store.frames import RunFrames
 from proxbench.bench.store.outcome import Outcome
@@ -75,3 +82,22 @@ def test_the_note_says_whether_problems_with_excluded_times_are_left_out(
     monkeypatch.setattr(accuracy, "excluded_cases", lambda *_: {case} if excludes else set())
     lines = time_chart(frames).to_dict()["title"]["subtitle"]
     assert ("without those with excluded times" in " ".join(lines)) == excludes
+
+
+@pytest.mark.slow
+def test_long_names_of_solvers_differ_in_all_charts_with_rows_of_solvers(finished: RunFrames, tmp_path: Path) -> None:
+    long = "Fallback(SORprox(relaxation=1.5, form='factors'), NSGS, SORprox, {})"
+    names = {"SORprox": long.format("Robust"), "ClarabelSOCP": long.format("Jprox")}
+    tables = {
+        name: getattr(finished, name).replace({"solver": names}) for name in ("cases", "points", "rounds", "iterations")
+    }
+    plan = finished.info.plan
+    plan = changed(plan, solvers=[names.get(solver, solver) for solver in plan.solvers])
+    frames = replace(finished, info=changed(finished.info, plan=plan), **tables)
+    speedups = pd.DataFrame({"solver": names.values(), "problem": "p", "speedup": 2.0})
+    panel = profile_panel("speedup", solver_styles(plan.solvers), speedups)
+    charts = {**summary_charts(frames), "speedup": panel}
+    for name, chart in charts.items():
+        svg, _ = write_drawing(chart, tmp_path / name)
+        labels = re.findall(r">(Fallback\([^<]*)</text>", svg.read_text(encoding="utf-8"))
+        assert {label.rpartition(", ")[2] for label in labels} == {"Robust)", "Jprox)"}, name

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
 from proxbench.bench.simulation.step_row import step_columns
@@ -26,9 +27,9 @@ def printed(simulation: Simulation, width: int = 80) -> str:
     return text
 
 
-def made(times: np.ndarray, **columns: object) -> Simulation:
+def made(times: np.ndarray, tolerance: float = 1e-4, **columns: object) -> Simulation:
     """A simulation of the funnel whose steps end at ``times``, with chosen columns."""
-    simulation = Simulation(make_simulation_plan("funnel", {"balls": 1}, tolerance=1e-4))
+    simulation = Simulation(make_simulation_plan("funnel", {"balls": 1}, tolerance=tolerance))
     steps = np.zeros(len(times), dtype=step_columns(simulation.plan.scene))
     steps["time"] = times
     for name, values in columns.items():
@@ -74,6 +75,21 @@ def test_unsolved_steps_are_shown_with_their_number_the_worst_one_and_what_the_s
     assert f"the solver reports: iteration limit, {count} times" in text
     assert "every step is solved" not in text
     assert "the judge confirms that every step is solved to 1e-04" in printed(simulate(pour()))
+
+
+def test_tolerances_are_shown_exactly() -> None:
+    times = np.array([0.1, 0.2])
+    assert "every step is solved to 2.4e-04" in printed(made(times, 2.4e-4, residual=[2.3e-4, 0.0]))
+    assert "1 of 2 steps is not solved to 2.3e-06" in printed(made(times, 2.3e-6, residual=[1.0, 0.0]))
+
+
+def test_segments_of_similar_tolerances_show_them_exactly() -> None:
+    simulation = made(np.array([0.1, 0.2]), 2.4e-6)
+    (first,) = simulation.segments
+    simulation.restore(simulation.steps, simulation.state, segments=[first, changed(first, first=1, tolerance=1.6e-6)])
+    text = printed(simulation, width=120)
+    assert " 2.4e-06 " in text
+    assert " 1.6e-06 " in text
 
 
 def test_messages_about_one_step_are_singular() -> None:

@@ -97,6 +97,46 @@ def test_merge_names_a_missing_shard(parts: list[Path], tmp_path: Path) -> None:
     assert missing == ["shard 1/2 is missing."]
 
 
+def test_a_run_merged_without_a_shard_says_so_until_it_is_merged_with_it(honest: Bundle, tmp_path: Path) -> None:
+    names = ["sliding pair", "hard-groove", "funnel-30"]
+    suite = {"suite": "mine", "requested": ["mine"], "available": 3}
+    shards = [
+        part(honest, tmp_path / f"{number}.bundle", [name], shard=f"{number}/3", **suite)
+        for number, name in enumerate(names, 1)
+    ]
+    first = merge(shards[1], tmp_path, "first")
+    (said,) = [sentence for sentence in warnings(first) if sentence.startswith("INCOMPLETE")]
+    assert "without shards 1/3, 3/3" in said
+    assert first.info.plan.problems_in_words(1) == "1 of 3 problems of mine"
+    second = merge([first.folder, shards[2]], tmp_path, "second")
+    (said,) = [sentence for sentence in warnings(second) if sentence.startswith("INCOMPLETE")]
+    assert "without shard 1/3" in said
+    assert second.info.plan.problems_in_words(2) == "2 of 3 problems of mine"
+    whole = merge([second.folder, shards[0]], tmp_path, "whole")
+    assert not [sentence for sentence in warnings(whole) if sentence.startswith("INCOMPLETE")]
+    plan = whole.info.plan
+    assert (plan.problems, plan.requested, plan.problems_in_words(3)) == (names, ["mine"], "all 3 problems of mine")
+
+
+@pytest.mark.parametrize(
+    ("second", "words"),
+    [
+        ({"suite": "mine", "requested": ["mine"], "available": 9}, "3 of 9 problems of mine"),
+        ({"suite": "mine", "requested": ["mine"], "available": 8}, "3 problems of mine"),
+        ({"suite": "other", "requested": ["other"], "available": 9}, "3 problems"),
+    ],
+)
+def test_a_merged_run_of_parts_of_a_suite_is_not_called_the_suite(
+    second: dict[str, Any], words: str, honest: Bundle, tmp_path: Path
+) -> None:
+    mine = {"suite": "mine", "requested": ["mine"], "available": 9, "sample": 2}
+    sources = [
+        part(honest, tmp_path / "1.bundle", ["sliding pair", "hard-groove"], **mine),
+        part(honest, tmp_path / "2.bundle", ["funnel-30"], sample=1, **second),
+    ]
+    assert merge(sources, tmp_path, "both").info.plan.problems_in_words(3) == words
+
+
 def test_run_on_several_machines_warns_and_measures_drift_per_machine(parts: list[Path], tmp_path: Path) -> None:
     whole = merge(parts, tmp_path, "whole")
     assert hosts(whole) == {"one": 2, "two": 1}
