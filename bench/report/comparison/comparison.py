@@ -181,4 +181,5 @@ def compare_runs(before: RunFrames, after: RunFrames, slowdown: float = SLOWDOWN
 def _points_in_words(changes: pd.DataFrame) -> list[str]:
     """Return changes as text, with the coarsest accuracy of each solver and problem."""
     coarsest = changes.sort_values("accuracy", ascending=False, kind="stable").drop_duplicates(CASE)
-    return [f"{row.solver} on {row.problem} to {accuracy_tag(row.accuracy)}" for row in coarsest.itertuples()]
+    rows = zip(coarsest["solver"], coarsest["problem"], coarsest["accuracy"].astype(float).tolist(), strict=True)
+    return [f"{solver} on {problem} to {accuracy_tag(accuracy)}" for solver, problem, accuracy in rows]

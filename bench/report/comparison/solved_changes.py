@@ -2,9 +2,9 @@
 
 import pandas as pd
 
+from ...store.fields import TOLERANCE_ROUNDING
 from ...store.frames import CASE, RunFrames
 from ...store.outcome import Outcome
-from ..accuracy import TOLERANCE_ROUNDING
 from .pairing import Pairing
 from .times import reaching_tolerances
 
