@@ -35,8 +35,7 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[Any]:
     Raises:
         ProblemError: if ``values`` are complex numbers, strings or other objects, or an entry is masked.
     """
-    if type(values) is not np.ndarray:
-        check_no_mask(values, name)
+    check_no_mask(values, name)
     try:
         array = np.asarray(values)
     except (TypeError, ValueError):
@@ -86,6 +85,8 @@ def check_count(name: str, value: object) -> None:
 
 def check_no_mask(values: object, name: str) -> None:
     """Raise ``ProblemError`` if an entry of ``values``, called ``name``, is masked, in an array or a nested list."""
+    if type(values) is np.ndarray:  # the usual case
+        return
     if isinstance(values, list | tuple):
         entry = _first_masked(values, MAX_DEPTH) if _may_be_masked(values) else None
     else:

@@ -52,7 +52,6 @@ def _joined(before: Measured, now: Measured) -> Measured:
     errors = [measured.impulse_error for measured in (before, now) if measured.impulse_error is not None]
     return replace(
         worse,
-        claimed_iterations=before.claimed_iterations,
         observed=before.observed or now.observed,
         model_residual=max(before.model_residual, now.model_residual, key=number_of),
         **times_from_rounds(rounds),

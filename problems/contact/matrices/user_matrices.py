@@ -59,7 +59,7 @@ def as_matrix(matrix_like: Any, name: str) -> Any:
         ProblemError: if ``matrix_like`` is not a matrix of real numbers, or an entry is masked.
     """
     is_sparse = sp.issparse(matrix_like)
-    if not is_sparse and type(matrix_like) is not np.ndarray:
+    if not is_sparse:
         check_no_mask(matrix_like, name)
     try:
         matrix: Any = matrix_like if is_sparse else np.asarray(matrix_like)

@@ -221,7 +221,7 @@ def _write_pairs(centres, radii, largest, order, number, extent_x, extent_y, pai
     move forward. Unsigned indices need no test for negative ones.
     """
     balls, cells, numbers = _in_order_of_cells(centres, radii, largest, order, number)
-    n, one, count, capacity = uint64(len(cells)), uint64(1), uint64(0), uint64(len(pairs))
+    n, one, count = uint64(len(cells)), uint64(1), uint64(0)
     for row in (0, extent_x, extent_x * (extent_y - 1), extent_x * extent_y, extent_x * (extent_y + 1)):
         begin, end = uint64(0), uint64(0)
         for a in range(n):
@@ -234,13 +234,24 @@ def _write_pairs(centres, radii, largest, order, number, extent_x, extent_y, pai
                 end += one
             i, x, y, z, r = numbers[a], balls[a, 0], balls[a, 1], balls[a, 2], balls[a, 3]
             for b in range(begin, end):
-                dx, dy, dz, reach = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2], r + balls[b, 3]
-                if dx * dx + dy * dy + dz * dz < reach * reach:
-                    if count < capacity:
-                        j = numbers[b]
-                        pairs[count, 0], pairs[count, 1] = min(i, j), max(i, j)
+                if _overlaps(x, y, z, r, balls, b):
+                    _write_pair(i, numbers[b], count, pairs)
                     count += one
     return count
+
+
+@njit(cache=True, inline="always")
+def _overlaps(x, y, z, r, balls, b):  # type: ignore[no-untyped-def]
+    """Return whether a ball with centre (x, y, z) and radius r overlaps ball ``b`` of ``_in_order_of_cells``."""
+    dx, dy, dz, reach = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2], r + balls[b, 3]
+    return dx * dx + dy * dy + dz * dz < reach * reach
+
+
+@njit(cache=True, inline="always")
+def _write_pair(i, j, count, pairs):  # type: ignore[no-untyped-def]
+    """Write a pair after ``count`` others, if there is space for it."""
+    if count < uint64(len(pairs)):
+        pairs[count, 0], pairs[count, 1] = min(i, j), max(i, j)
 
 
 @njit(cache=True)
@@ -250,7 +261,7 @@ def _add_pairs_of_large_balls(centres, radii, limit, order, number, extent_x, ex
     A large ball is tested against its own row of cells and the eight adjacent ones.
     """
     balls, cells, numbers = _in_order_of_cells(centres, radii, np.inf, order, number)
-    n, one, count, capacity = uint64(len(cells)), uint64(1), uint64(count), uint64(len(pairs))
+    n, one, count = uint64(len(cells)), uint64(1), uint64(count)
     for layer in (-extent_x * extent_y, 0, extent_x * extent_y):
         for row in (layer - extent_x, layer, layer + extent_x):
             begin, end = uint64(0), uint64(0)
@@ -265,12 +276,9 @@ def _add_pairs_of_large_balls(centres, radii, limit, order, number, extent_x, ex
                     end += one
                 i, x, y, z, r = numbers[a], balls[a, 0], balls[a, 1], balls[a, 2], balls[a, 3]
                 for b in range(begin, end):
-                    dx, dy, dz, reach = x - balls[b, 0], y - balls[b, 1], z - balls[b, 2], r + balls[b, 3]
                     is_first = balls[b, 3] <= limit or b > a  # a pair of large balls is found from both sides
-                    if is_first and dx * dx + dy * dy + dz * dz < reach * reach:
-                        if count < capacity:
-                            j = numbers[b]
-                            pairs[count, 0], pairs[count, 1] = min(i, j), max(i, j)
+                    if is_first and _overlaps(x, y, z, r, balls, b):
+                        _write_pair(i, numbers[b], count, pairs)
                         count += one
     return count
 

@@ -87,9 +87,9 @@ def balls_of(problem: ContactProblem) -> Balls | None:
     contacts = pieces.balls
     if contacts is None or not (layout.width == 3 and layout.has_contacts_only):
         return None
-    if not factors.inverse_mass.is_diagonal or not layout.is_dense or not layout.bounds_are_own:
+    if not layout.is_dense or not layout.bounds_are_own or layout.has_fixed_bounds:
         return None
-    if layout.has_fixed_bounds:
+    if not factors.inverse_mass.is_diagonal:
         return None
     inverse_masses = np.zeros(pieces.n_chunks + 1)
     spin_ratio = float(

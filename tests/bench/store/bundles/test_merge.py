@@ -105,12 +105,12 @@ def test_a_run_merged_without_a_shard_says_so_until_it_is_merged_with_it(honest:
         for number, name in enumerate(names, 1)
     ]
     first = merge(shards[1], tmp_path, "first")
-    (said,) = [sentence for sentence in warnings(first) if sentence.startswith("INCOMPLETE")]
-    assert "without shards 1/3, 3/3" in said
+    (warning,) = [sentence for sentence in warnings(first) if sentence.startswith("INCOMPLETE")]
+    assert "without shards 1/3, 3/3" in warning
     assert first.info.plan.problems_in_words(1) == "1 of 3 problems of mine"
     second = merge([first.folder, shards[2]], tmp_path, "second")
-    (said,) = [sentence for sentence in warnings(second) if sentence.startswith("INCOMPLETE")]
-    assert "without shard 1/3" in said
+    (warning,) = [sentence for sentence in warnings(second) if sentence.startswith("INCOMPLETE")]
+    assert "without shard 1/3" in warning
     assert second.info.plan.problems_in_words(2) == "2 of 3 problems of mine"
     whole = merge([second.folder, shards[0]], tmp_path, "whole")
     assert not [sentence for sentence in warnings(whole) if sentence.startswith("INCOMPLETE")]
