@@ -291,6 +291,35 @@ def _write_scales(  # type: ignore[no-untyped-def]
     return stuck, largest
 
 
+@njit(cache=True, error_model="numpy")
+def _write_scales_of_contacts(diagonal, free_velocity, component, law_values):  # type: ignore[no-untyped-def]
+    """Do the work of ``write_scales_and_ratios`` for spatial contacts, if all α > 0; return whether they are, and ℓ‖c‖.
+
+    Each contact then has a unilateral law of one row and a friction law of two rows.
+    """
+    alpha, lengths, speeds, ratios = law_values[0], law_values[1], law_values[2], law_values[3]
+    one, two, three, n_contacts, n_components = uint64(1), uint64(2), uint64(3), uint64(len(component)), uint64(0)
+    largest, smallest_alpha, scale = np.zeros(n_contacts), np.inf, 0.0
+    for contact in range(n_contacts):
+        row, normal = three * contact, two * contact
+        friction, own = normal + one, uint64(component[contact])
+        alpha[normal], alpha[friction] = diagonal[row], max(diagonal[row + one], diagonal[row + two])
+        smallest_alpha = min(smallest_alpha, alpha[normal], alpha[friction])
+        speeds[normal] = abs(free_velocity[row])
+        speeds[friction] = _norm(free_velocity[row + one], free_velocity[row + two])
+        lengths[normal], lengths[friction] = 1.0, 1.0
+        speed = max(speeds[normal], speeds[friction])
+        if speed > largest[own]:
+            largest[own] = speed
+        scale, n_components = max(scale, speed), max(n_components, own + one)
+    for k in range(n_components):
+        largest[k] = scale / largest[k] if largest[k] > NEGLIGIBLE * scale else 1.0
+    for contact in range(n_contacts):
+        ratio = largest[uint64(component[contact])]
+        ratios[two * contact], ratios[two * contact + one] = ratio, ratio
+    return smallest_alpha > 0.0, scale
+
+
 @interpretable
 @njit(cache=True, error_model="numpy")
 def write_scales_and_ratios(  # type: ignore[no-untyped-def]
@@ -302,6 +331,11 @@ def write_scales_and_ratios(  # type: ignore[no-untyped-def]
     is negligible. ``component`` holds the component of each contact. The return value is that of ``_write_scales``.
     """
     alpha, lengths, speeds, ratios = law_values[0], law_values[1], law_values[2], law_values[3]
+    n_contacts = len(component)
+    if 0 < 3 * n_contacts == len(slot) and width == 3 and len(sets) == 2 * n_contacts and not is_rolling[1]:
+        is_positive, scale = _write_scales_of_contacts(diagonal, free_velocity, component, law_values)
+        if is_positive:
+            return -1, scale
     arguments = (sets, row_count, is_rolling, first_row, partner, diagonal, free_velocity)
     stuck, scale = _write_scales(*arguments, alpha, lengths, speeds)
     largest, owns, n_components = np.zeros(len(component)), np.empty(len(sets), dtype=np.int64), uint64(0)

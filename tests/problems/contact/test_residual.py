@@ -90,3 +90,22 @@ def test_a_contact_whose_normal_impulse_changes_no_velocity_has_the_scale_of_its
 def test_the_scale_of_a_contact_is_the_norm_of_its_free_velocity_at_any_size(size: float) -> None:
     problem = ContactProblem.from_delassus(np.eye(3), size * np.array([-1.0, 3.0, 4.0]), 0.5)
     assert Residual(problem).speeds == pytest.approx(size * np.array([1.0, 5.0]), rel=1e-15)
+
+
+@pytest.mark.parametrize("size", [1e-150, 1.0, 1e150])
+def test_scales_of_spatial_contacts_are_those_beside_other_laws(size: float) -> None:
+    """Problems of spatial contacts alone have a loop of their own; a joint beside them makes the general one run."""
+    rng = np.random.default_rng(4)
+    for n_contacts in (1, 2, 7):
+        root = rng.normal(size=(9, 3 * n_contacts))
+        root[:, :3] *= rng.integers(0, 2)  # with and without a contact whose impulses change no velocity
+        matrix = np.kron(np.eye(2), root.T @ root)  # two components
+        free_velocity = size * rng.normal(size=6 * n_contacts) * np.repeat([1.0, 0.1], 3 * n_contacts)
+        laws = Laws.contacts(0.3, 3, 2 * n_contacts)
+        alone = Residual(ContactProblem.from_delassus(matrix, free_velocity, laws=laws))
+        beside = Laws.concatenate([laws, Laws.joints(1)])
+        larger = np.block([[matrix, np.zeros((len(matrix), 1))], [np.zeros((1, len(matrix))), np.ones((1, 1))]])
+        general = Residual(ContactProblem.from_delassus(larger, np.append(free_velocity, 0.0), laws=beside))
+        for name in ("alpha", "lengths", "speeds", "ratios"):
+            assert getattr(alone, name).tolist() == getattr(general, name)[:-1].tolist()
+        assert (alone.scale, alone.stuck_law) == (general.scale, general.stuck_law)
