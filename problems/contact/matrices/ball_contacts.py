@@ -174,23 +174,27 @@ def _write_transposed_product(chunks, normals, radii, motion, product):  # type:
         product[c, 2] = (t2x * x + t2y * y + t2z * z) + (t1x * sx + t1y * sy + t1z * sz)
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"contract"})
 def _write_diagonal(chunks, normals, radii, inverse, diagonal):  # type: ignore[no-untyped-def]
-    n_balls = uint64(len(radii))
-    for c in range(len(normals)):
+    """Write W_hᵀ M⁻¹ W_h of each row h, from the sums of M⁻¹ over both balls in each direction."""
+    n_balls, one, two = uint64(len(radii)), uint64(1), uint64(2)
+    for c in range(uint64(len(normals))):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
-        normal, first, second = 0.0, 0.0, 0.0
-        for side in range(2):
-            ball = uint64(chunks[2 * c + side])
-            if ball == n_balls:
-                continue
-            square = radii[ball] * radii[ball]
-            inverse_x, inverse_y, inverse_z = inverse[ball, 0], inverse[ball, 1], inverse[ball, 2]
-            turn_x, turn_y, turn_z = square * inverse[ball, 3], square * inverse[ball, 4], square * inverse[ball, 5]
-            normal += inverse_x * x * x + inverse_y * y * y + inverse_z * z * z
-            first += inverse_x * t1x * t1x + inverse_y * t1y * t1y + inverse_z * t1z * t1z
-            first += turn_x * t2x * t2x + turn_y * t2y * t2y + turn_z * t2z * t2z  # n × T1 = T2
-            second += inverse_x * t2x * t2x + inverse_y * t2y * t2y + inverse_z * t2z * t2z
-            second += turn_x * t1x * t1x + turn_y * t1y * t1y + turn_z * t1z * t1z
-        diagonal[c, 0], diagonal[c, 1], diagonal[c, 2] = normal, first, second
+        i, j = uint64(chunks[two * c]), uint64(chunks[two * c + one])
+        square = radii[i] * radii[i]
+        mass_x, mass_y, mass_z = inverse[i, 0], inverse[i, 1], inverse[i, 2]
+        spin_x, spin_y, spin_z = square * inverse[i, 3], square * inverse[i, 4], square * inverse[i, 5]
+        if j < n_balls:
+            square = radii[j] * radii[j]
+            mass_x, mass_y, mass_z = mass_x + inverse[j, 0], mass_y + inverse[j, 1], mass_z + inverse[j, 2]
+            spin_x, spin_y, spin_z = (
+                spin_x + square * inverse[j, 3],
+                spin_y + square * inverse[j, 4],
+                spin_z + square * inverse[j, 5],
+            )
+        t1x, t1y, t1z, t2x, t2y, t2z = t1x * t1x, t1y * t1y, t1z * t1z, t2x * t2x, t2y * t2y, t2z * t2z
+        diagonal[c, 0] = mass_x * x * x + mass_y * y * y + mass_z * z * z
+        # n × T1 = T2 and n × T2 = −T1
+        diagonal[c, 1] = (mass_x * t1x + mass_y * t1y + mass_z * t1z) + (spin_x * t2x + spin_y * t2y + spin_z * t2z)
+        diagonal[c, 2] = (mass_x * t2x + mass_y * t2y + mass_z * t2z) + (spin_x * t1x + spin_y * t1y + spin_z * t1z)
