@@ -141,8 +141,10 @@ class PreparedIteration:
             driver.run_to_next_decision(self.residual)
 
 
-def _first_counts(counts: list[int], max_sweeps: float) -> list[int]:
+def _first_counts(counts: tuple[int, ...], max_sweeps: float) -> tuple[int, ...]:
     """Return the first counts, up to the one whose sum reaches ``max_sweeps``."""
+    if sum(counts) <= max_sweeps:
+        return counts
     total = 0
     for number, count in enumerate(counts, 1):
         total += count

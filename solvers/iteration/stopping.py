@@ -10,6 +10,7 @@ without bound or is not a number (DIVERGED).
 import bisect
 import time
 from dataclasses import dataclass, field
+from functools import lru_cache
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -127,18 +128,14 @@ class Monitor:
         check_stop(self.stop)
         self.clock = Clock(self.stop.max_seconds)
 
-    def sweeps_between_checks(self, iteration: int) -> list[int]:
+    def sweeps_between_checks(self, iteration: int) -> tuple[int, ...]:
         """Return how many sweeps precede each of the next checks, up to the one that may find more than a residual.
 
         At the earlier checks, a residual that is above the tolerance and not too large is only recorded. The last check
         may find that the sweeps make no progress, or have reached a limit.
         """
-        counts: list[int] = []
-        last = min(self.stop.max_iterations, max(MIN_PLATEAU_SWEEPS, iteration + 1))
-        while iteration < last and len(counts) < max(CYCLE_PATIENCE - self._checks_without_progress, 1):
-            counts.append(min(sweeps_to_next_check(iteration), self.stop.max_iterations - iteration))
-            iteration += counts[-1]
-        return counts or [0]
+        max_checks = max(CYCLE_PATIENCE - self._checks_without_progress, 1)
+        return _sweeps_between_checks(iteration, max_checks, self.stop.max_iterations)
 
     @property
     def max_residual(self) -> float:
@@ -222,6 +219,16 @@ class Monitor:
         """Return the best residual after ``iteration`` sweeps, to within one percent."""
         n_earlier = bisect.bisect_right(self._history, iteration, key=itemgetter(0))
         return self._history[max(n_earlier - 1, 0)][1]
+
+
+@lru_cache
+def _sweeps_between_checks(iteration: int, max_checks: int, max_iterations: int) -> tuple[int, ...]:
+    counts: list[int] = []
+    last = min(max_iterations, max(MIN_PLATEAU_SWEEPS, iteration + 1))
+    while iteration < last and len(counts) < max_checks:
+        counts.append(min(sweeps_to_next_check(iteration), max_iterations - iteration))
+        iteration += counts[-1]
+    return (*counts,) or (0,)
 
 
 def _divergence_text(iteration: int, residual: float, impulses: FloatArray) -> str:

@@ -102,11 +102,10 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
 
 def _limits_of_radii(radii: FloatArray) -> tuple[float, float]:
     """Return the largest radius, and a limit of the radii of small balls, which is less if large balls are few."""
-    largest, limit = float(radii.max()), LARGE_RATIO * float(radii.mean())
+    largest, limit, n_large = _count_large(radii)
     if not limit < largest:
         return largest, largest
-    share_of_large = np.count_nonzero(radii > limit) / len(radii)
-    is_worthwhile = (limit / largest) ** 3 + 2.0 * share_of_large < MAX_SHARE_OF_TESTS
+    is_worthwhile = (limit / largest) ** 3 + 2.0 * n_large / len(radii) < MAX_SHARE_OF_TESTS
     return largest, limit if is_worthwhile else largest
 
 
@@ -150,6 +149,18 @@ MAX_SHARE_OF_TESTS = 0.6
 """Largest estimated share of the tests of pairs in wide cells for which small and large balls are searched separately.
 In space, a small ball is tested in a volume that is smaller by the cube of the ratio of the widths. A large one is
 tested in all neighbouring cells instead of half of them."""
+
+
+@njit(cache=True)
+def _count_large(radii):  # type: ignore[no-untyped-def]
+    """Return the largest radius, the limit of the radii of small balls, and the number of large balls."""
+    largest, total, n_large = 0.0, 0.0, 0
+    for k in range(len(radii)):
+        largest, total = max(largest, radii[k]), total + radii[k]
+    limit = LARGE_RATIO * total / len(radii)
+    for k in range(len(radii)):
+        n_large += radii[k] > limit
+    return largest, limit, n_large
 
 
 @njit(cache=True)
