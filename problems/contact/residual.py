@@ -13,9 +13,10 @@ times the friction bound,
 
 The first two cases have the relative error of ξ, which ``matrices.accurate`` bounds. In the third case h and the
 projection may cancel. I − prox and prox are nonexpansive, so rounding of h contributes u‖h‖ and that of h − ξ
-contributes ub. The bound, the norm, their quotient and the product have eight roundings, which gives 9ub + u‖h‖ in all
-(``_sliding_error_squared``). The returned violation is at least that, so the exact one is at most twice the returned
-value, up to a relative error of a few u. The third case applies unless ‖h − ξ‖ is below b by more than rounding.
+contributes ub. The bound, the norm, their quotient and the product have eight roundings, which gives 9ub + u‖h‖ in all.
+This is at most u√(90b² + 10‖h‖²), with equality for ‖h‖ = b. The returned violation is at least as large, so the exact
+one is at most twice the returned value, up to a relative error of a few u. The third case applies unless ‖h − ξ‖ is
+below b by more than rounding.
 """
 
 from functools import cached_property
@@ -207,9 +208,10 @@ def _unit(scale: float) -> float:
 def find_largest_diagonal_term(row_count, first_row, ratios, lengths, diagonal, impulses):  # type: ignore[no-untyped-def]
     """Return the largest ratio · length · |G_hh Λ_h| over the rows of all laws; NaN if one is NaN."""
     largest = 0.0
-    for law in range(len(row_count)):
-        for row in range(first_row[law], first_row[law] + row_count[law]):
-            term = ratios[law] * lengths[law] * abs(diagonal[row] * impulses[row])
+    for law in range(uint64(len(row_count))):
+        factor, first = ratios[law] * lengths[law], uint64(first_row[law])
+        for row in range(first, first + uint64(row_count[law])):
+            term = factor * abs(diagonal[row] * impulses[row])
             largest = term if term > largest or term != term else largest
     return largest
 
@@ -240,8 +242,8 @@ def write_squared_violations(  # type: ignore[no-untyped-def]
             if row_count[law] == 1:
                 square = _outside_interval(a * impulses[row], velocity[row], bound)
             elif row_count[law] == 2:
-                held = a * impulses[row], a * impulses[row + one]
-                square = outside_disc(held[0], held[1], velocity[row], velocity[row + one], bound)
+                held = a * impulses[row], a * impulses[row + one], 0.0
+                square = outside_disc(held, (velocity[row], velocity[row + one], 0.0), bound)
             else:
                 square = _outside_ball(row, uint64(row_count[law]), a, bound, impulses, velocity)
             square *= lengths[law] * lengths[law]
@@ -266,19 +268,20 @@ def _outside_interval(held, xi, bound):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, inline="always")
-def outside_disc(held_1, held_2, xi_1, xi_2, bound):  # type: ignore[no-untyped-def]
-    """Return ‖h − prox(h − ξ)‖² for h = αΛ of two rows, the prox onto the disc of radius ``bound``.
+def outside_disc(held, xi, bound):  # type: ignore[no-untyped-def]
+    """Return ‖h − prox(h − ξ)‖² for h = αΛ, the prox onto a disc; h and ξ are vectors of three numbers in its plane.
 
     There are no branches, so that compilers vectorise loops over contacts.
     """
-    x_1, x_2 = held_1 - xi_1, held_2 - xi_2
-    squared = x_1 * x_1 + x_2 * x_2
+    (h_1, h_2, h_3), (xi_1, xi_2, xi_3) = held, xi
+    x_1, x_2, x_3 = h_1 - xi_1, h_2 - xi_2, h_3 - xi_3
+    squared = x_1 * x_1 + x_2 * x_2 + x_3 * x_3
     scale = bound / np.sqrt(squared if squared > 0.0 else 1.0)
-    violation_1, violation_2 = held_1 - scale * x_1, held_2 - scale * x_2
+    outside = (h_1 - scale * x_1) ** 2 + (h_2 - scale * x_2) ** 2 + (h_3 - scale * x_3) ** 2
     slides = not squared <= bound * bound
-    square = violation_1 * violation_1 + violation_2 * violation_2 if slides else xi_1 * xi_1 + xi_2 * xi_2
+    square = outside if slides else xi_1 * xi_1 + xi_2 * xi_2 + xi_3 * xi_3
     square = np.inf if squared == np.inf else square
-    possible_error = _sliding_error_squared(held_1 * held_1 + held_2 * held_2, bound)
+    possible_error = _sliding_error_squared(h_1 * h_1 + h_2 * h_2 + h_3 * h_3, bound)
     return possible_error if not squared <= INSIDE * bound * bound and possible_error > square else square
 
 
@@ -306,9 +309,8 @@ def _outside_ball(first, count, a, bound, impulses, velocity):  # type: ignore[n
 
 @njit(cache=True, inline="always")
 def _sliding_error_squared(held_squared, bound):  # type: ignore[no-untyped-def]
-    """Return (9ub + u‖h‖)², the squared rounding error bound of a sliding friction law; see the module docstring."""
-    possible_error = UNIT * (9.0 * bound + np.sqrt(held_squared))
-    return possible_error * possible_error
+    """Return u²(90b² + 10‖h‖²), the squared rounding error bound of a sliding law; see the module docstring."""
+    return UNIT * UNIT * (90.0 * bound * bound + 10.0 * held_squared)
 
 
 def violations(

@@ -27,7 +27,7 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ...iteration.loop import SinglePassIterates
 from ...iteration.momentum import MomentumState, extrapolate, momentum_after
-from ...sweeps.batches.ball_kernels import WEIGHTS, largest_of_lanes
+from ...sweeps.batches.ball_kernels import SCRATCH, WEIGHTS, largest_of_lanes, write_impulses, write_rows
 from ...sweeps.batches.balls import balls_of, can_compare_squares, write_weights
 from ...sweeps.batches.lanes import BALL_LENGTH, LANES, aligned_copy
 from ...sweeps.batches.pieces import Batches, batch_arguments, slots_in_batches
@@ -56,10 +56,10 @@ class ColouredSweep:
     Attributes:
         layout: the padded blocks.
         piece_batches: the constant arguments of a sweep over pieces, see ``batch_arguments``; None over balls.
-        ball_batches: bodies, records and κ of a sweep over balls, see ``BallSweep``; None over pieces.
+        ball_batches: bodies, records, κ and normals of a sweep over balls, see ``BallSweep``; None over pieces.
         motion: maps Λ, shape (n_rows,), to v of all bodies with contacts and of the idle one, flat.
         slabs: the slabs of contacts.
-        slots: position of each entry of padded Λ in the order of the batches.
+        slots: position of each entry of padded Λ, or of the vectors P of balls, in the order of the batches.
         threads: number of threads; fewer than requested if there are few contacts, or few slabs hold most of them.
     """
 
@@ -87,7 +87,7 @@ class ColouredSweep:
             return ColouredSweep._over_pieces(problem, step_sizes, pairs, slabs, n_threads)
         renumbered = balls.renumbered(slabs.bodies, slabs.chunks)
         bodies, records, slots = renumbered.pack(problem, step_sizes, slabs.positions, slabs.n_batches)
-        data = bodies, records, balls.spin_ratio
+        data = bodies, records, balls.spin_ratio, balls.contacts.normals
         return ColouredSweep(layout, None, data, renumbered.motion, slabs, slots, n_threads)
 
     @staticmethod
@@ -121,7 +121,7 @@ def _motion(layout: BlockLayout, pairs: Pieces, impulses: FloatArray) -> FloatAr
 
 
 class ColouredIterates(MomentumState, SinglePassIterates):
-    """Λ, in the order of the batches, and v of an iteration with momentum β; ``start`` has shape (n_rows,)."""
+    """Λ or P, in the order of the batches, and v of an iteration with momentum β; ``start`` has shape (n_rows,)."""
 
     def __init__(self, sweep: ColouredSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         MomentumState.__init__(self, momentum, delay)
@@ -129,7 +129,9 @@ class ColouredIterates(MomentumState, SinglePassIterates):
         self._scaled_velocity = sweep.motion(start)
         self._previous_velocity = aligned_copy(self._scaled_velocity)
         self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.slabs.n_batches))
-        if start.any():
+        if sweep.ball_batches is not None:
+            write_impulses(sweep.ball_batches[-1], sweep.slots, start, self._impulses)
+        elif start.any():
             self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
         n_pieces = -(-len(self._scaled_velocity) // PIECE_LENGTH) if momentum > 0.0 else 0
         first_batch, n_slabs = sweep.slabs.first_batch, len(sweep.slabs.first_batch) - 1
@@ -167,7 +169,12 @@ class ColouredIterates(MomentumState, SinglePassIterates):
         """Return Λ over rows."""
         if self._has_violations:
             return self._rows.copy()
-        return self._sweep.layout.unpad(self._impulses[self._sweep.slots])
+        slots, balls = self._sweep.slots, self._sweep.ball_batches
+        if balls is None:
+            return self._sweep.layout.unpad(self._impulses[slots])
+        rows = np.empty(len(slots))
+        write_rows(balls[-1], slots, self._impulses, 0, len(slots) // 3, rows)
+        return rows
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
@@ -227,8 +234,8 @@ def _run_window(  # type: ignore[no-untyped-def]
 ):
     """Do the share of one thread in a window of sweeps and ξ or violations; return β of the sweep after these.
 
-    One of ``pieces`` and ``balls`` is None. Λ, v, the last change of Λ, v before the last sweep and ξ are in
-    ``arrays``. ``counters`` holds the numbers of earlier sweeps and windows, of sweeps in this window, and whether
+    One of ``pieces`` and ``balls`` is None. Λ (P of balls), v, the last change of Λ, v before the last sweep and ξ are
+    in ``arrays``. ``counters`` holds the numbers of earlier sweeps and windows, of sweeps in this window, and whether
     violations and Λ over rows are written in place of ξ; ``violations`` holds weights, the largest violation of each
     slab, the slot of each row, and Λ over rows.
     ``momenta`` holds the bound and delay of ``MomentumState`` and β of the next sweep. ``turns`` holds the part of each
@@ -267,7 +274,9 @@ def _run_window(  # type: ignore[no-untyped-def]
                     turn[:] = 0.0
                     for batch in range(first_batch[slab], first_batch[slab + 1]):
                         if balls is not None:
-                            update_ball_batch(balls, batch, scaled_velocity, impulses, change, beta, turn, work)
+                            update_ball_batch(
+                                balls, batch, scaled_velocity, impulses, change, beta, turn, work, second_work
+                            )
                         if pieces is not None:
                             update_pieces(
                                 pieces, batch, scaled_velocity, impulses, change, beta, turn, work, second_work
@@ -319,7 +328,7 @@ def _write_violations(  # type: ignore[no-untyped-def]
 ):
     """Do the share of one thread in the violations and in Λ over rows; see ``_write_xi``."""
     weights, squares, slots, rows = violations
-    moves, largest, completed = np.empty(6 * LANES), np.empty(LANES), 0
+    moves, scratch, largest, completed = np.empty(6 * LANES), np.empty(SCRATCH * LANES), np.empty(LANES), 0
     for k in range(threads):
         share = (thread + k) % threads
         for position in range(len(squares) * share // threads, len(squares) * (share + 1) // threads):
@@ -327,10 +336,11 @@ def _write_violations(  # type: ignore[no-untyped-def]
             if claims[task] == windows and swap_if_equal(claims, task, windows, windows + 1):
                 largest[:] = 0.0
                 for batch in range(first_batch[slab], first_batch[slab + 1]):
-                    raise_to_violations(balls, batch, scaled_velocity, impulses, weights, moves, largest)
+                    raise_to_violations(balls, batch, scaled_velocity, impulses, weights, moves, scratch, largest)
                 squares[slab] = largest_of_lanes(largest)
-                for row in range(len(rows) * position // len(squares), len(rows) * (position + 1) // len(squares)):
-                    rows[row] = impulses[slots[row]]
+                n_contacts, n_slabs = len(slots) // 3, len(squares)
+                begin, end = n_contacts * position // n_slabs, n_contacts * (position + 1) // n_slabs
+                write_rows(balls[3], slots, impulses, begin, end, rows)
                 completed += 1
     return completed
 

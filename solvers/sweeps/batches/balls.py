@@ -1,7 +1,7 @@
 """Sweeps over contacts of balls in batches, from one record with a normal for each contact.
 
 The iterates are those of the sweeps in the module ``pieces``. In place of two pieces of W̃, a contact has its normal and
-the inverse masses of its balls; ``ball_kernels`` has the equations.
+the inverse masses of its balls, and in place of Λ, sweeps change the vector P; ``ball_kernels`` has the equations.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,17 @@ from ....problems.contact.problem import ContactProblem
 from ....problems.contact.residual import Residual
 from ...iteration.loop import Window, WindowedIterates
 from ...iteration.momentum import MomentumState
-from .ball_kernels import ENTRIES_PER_RECORD, WEIGHTS, largest_violation, sweep_balls, sweep_window, velocity_in_frame
+from .ball_kernels import (
+    ENTRIES_PER_RECORD,
+    WEIGHTS,
+    from_frame,
+    in_frame,
+    largest_violation,
+    sweep_balls,
+    sweep_window,
+    write_impulses,
+    write_rows,
+)
 from .lanes import BALL_LENGTH, LANES, VECTOR, aligned_copy, zeros_for_balls
 from .pieces import MIN_FILL, assign_batches
 
@@ -69,7 +79,7 @@ class Balls(NamedTuple):
         The impulses Λ are in the order of rows.
         """
         motion = zeros_for_balls(len(self.inverse_masses))
-        if impulses.any():
+        if _is_nonzero(impulses):
             _write_motion(self.contacts.chunks, self.contacts.normals, self.inverse_masses, impulses, motion)
         return motion
 
@@ -110,7 +120,7 @@ class BallSweep:
         free_velocity: c, shape (n_rows,).
         bodies: first coordinate of both balls of each lane, shape (n_batches · 2 · LANES,).
         records: data of all contacts, in batches, shape (n_batches · ENTRIES_PER_RECORD · LANES,).
-        slots: position of each entry of Λ in the order of batches.
+        slots: position of each component of the vectors P of all contacts in the order of batches, shape (n_rows,).
     """
 
     layout: BlockLayout
@@ -150,13 +160,13 @@ class BallSweep:
 
 
 class BallIterates(MomentumState, WindowedIterates):
-    """Λ, in the order of batches, and v and τ of all balls, of a Gauss–Seidel iteration."""
+    """P, in the order of batches, and v and τ of all balls, of a Gauss–Seidel iteration."""
 
     def __init__(self, sweep: BallSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         MomentumState.__init__(self, momentum, delay)
         self._sweep = sweep
         self._impulses = np.zeros(3 * len(sweep.bodies) // 2)
-        self._impulses[sweep.slots] = start
+        write_impulses(sweep.balls.contacts.normals, sweep.slots, start, self._impulses)
         self._motion = sweep.balls.motion(start)
         self._change = np.zeros(len(self._impulses))
         self._previous_motion = aligned_copy(self._motion) if momentum > 0.0 else self._motion
@@ -189,11 +199,11 @@ class BallIterates(MomentumState, WindowedIterates):
         self.count_window(counts[:n_checks], residuals[: n_checks - 1])
         last = float(residuals[n_checks - 1])
         self._measured_after, self._last_residual = self._sweeps, np.inf if np.isnan(last) else last
-        return Window(residuals[:n_checks], best[sweep.slots])
+        return Window(residuals[:n_checks], self._over_rows(best))
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
-        return self._impulses[self._sweep.slots]
+        return self._over_rows(self._impulses)
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
@@ -214,8 +224,14 @@ class BallIterates(MomentumState, WindowedIterates):
         self._use_residual(residual)
         sweep, impulses = self._sweep, np.empty(len(self._sweep.slots))
         arrays = sweep.bodies, sweep.records, sweep.balls.spin_ratio, self._impulses, self._motion
-        violation = largest_violation(*arrays, self._weights, sweep.slots, impulses)
+        violation = largest_violation(*arrays, self._weights, sweep.balls.contacts.normals, sweep.slots, impulses)
         return impulses, ratio(violation, residual.scale)
+
+    def _over_rows(self, impulses: FloatArray) -> FloatArray:
+        """Return Λ over rows from P in the order of batches."""
+        normals, rows = self._sweep.balls.contacts.normals, np.empty(len(self._sweep.slots))
+        write_rows(normals, self._sweep.slots, impulses, 0, len(normals), rows)
+        return rows
 
     def _use_residual(self, residual: Residual) -> None:
         if residual is not self._residual:
@@ -225,6 +241,15 @@ class BallIterates(MomentumState, WindowedIterates):
 def can_compare_squares(residual: Residual) -> bool:
     """Whether the residual is that of Coulomb's law, and squares of its velocities are in range."""
     return type(residual) is Residual and residual.unit == 1.0 and not residual.infeasible
+
+
+@njit(cache=True)
+def _is_nonzero(impulses):  # type: ignore[no-untyped-def]
+    """Return whether an entry is not zero; usually, one of the first is not."""
+    row = 0
+    while row < len(impulses) and impulses[row] == 0.0:
+        row += 1
+    return row < len(impulses)
 
 
 @njit(cache=True)
@@ -247,60 +272,72 @@ def _find_inverse_masses_and_spin_ratio(inverse, radii, inverse_masses):  # type
     return spin_ratio
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"contract"})
 def _pack(balls, normals, free_velocity, step_sizes, friction, inverse_masses, positions, n_batches):  # type: ignore[no-untyped-def]
-    """Return the first coordinate of both balls of each lane, the records, and slots as in ``slots_in_batches``."""
+    """Return the first coordinate of both balls of each lane, the records, and slots as in ``slots_in_batches``.
+
+    Unsigned indices need no test for negative ones.
+    """
     slots = np.empty(3 * len(positions), dtype=np.int64)
-    idle = len(inverse_masses) - 1
-    bodies = np.full(n_batches * 2 * LANES, BALL_LENGTH * idle, dtype=np.uint32)
+    bodies = np.full(n_batches * 2 * LANES, BALL_LENGTH * (len(inverse_masses) - 1), dtype=np.uint32)
     records = np.zeros(n_batches * ENTRIES_PER_RECORD * LANES)
-    for c in range(len(positions)):
-        batch, lane = positions[c] // LANES, positions[c] % LANES
-        i, j, first_entry = balls[2 * c], balls[2 * c + 1], ENTRIES_PER_RECORD * LANES * batch + lane
-        bodies[2 * LANES * batch + lane] = BALL_LENGTH * i
-        bodies[(2 * batch + 1) * LANES + lane] = BALL_LENGTH * j
-        for k in range(3):
-            records[first_entry + LANES * k] = normals[c, k]
-            records[first_entry + LANES * (3 + k)] = free_velocity[3 * c + k]
-            slots[3 * c + k] = LANES * (3 * batch + k) + lane
-        records[first_entry + LANES * 6], records[first_entry + LANES * 7] = step_sizes[c, 0], step_sizes[c, 1]
-        records[first_entry + LANES * 8] = friction[c]
-        records[first_entry + LANES * 9], records[first_entry + LANES * 10] = inverse_masses[i], inverse_masses[j]
+    lanes, one, two, three, length = uint64(LANES), uint64(1), uint64(2), uint64(3), uint64(BALL_LENGTH)
+    for c in range(uint64(len(positions))):
+        position, i, j = uint64(positions[c]), uint64(balls[two * c]), uint64(balls[two * c + one])
+        batch = position // lanes
+        lane = position - lanes * batch
+        first_entry = uint64(ENTRIES_PER_RECORD) * lanes * batch + lane
+        bodies[two * lanes * batch + lane] = length * i
+        bodies[(two * batch + one) * lanes + lane] = length * j
+        normal, row = (normals[c, 0], normals[c, 1], normals[c, 2]), three * c
+        vector = from_frame(normal, (free_velocity[row], free_velocity[row + one], free_velocity[row + two]))
+        for k in range(three):
+            records[first_entry + lanes * k] = normals[c, k]
+            records[first_entry + lanes * (three + k)] = vector[k]
+            slots[row + k] = lanes * (three * batch + k) + lane
+        records[first_entry + uint64(6) * lanes] = step_sizes[c, uint64(0)]
+        records[first_entry + uint64(7) * lanes] = step_sizes[c, one]
+        records[first_entry + uint64(8) * lanes] = friction[c]
+        records[first_entry + uint64(9) * lanes] = inverse_masses[i]
+        records[first_entry + uint64(10) * lanes] = inverse_masses[j]
     return bodies, records, slots
 
 
 @njit(cache=True)
 def write_weights(alpha, ratios, slots, weights):  # type: ignore[no-untyped-def]
     """Write α of both laws of each contact, and the squares of their ratios."""
-    for c in range(len(slots) // 3):
-        batch, lane = slots[3 * c] // (3 * LANES), slots[3 * c] % LANES
-        first_entry = WEIGHTS * LANES * batch + lane
-        for law in range(2):
-            ratio_of_law = ratios[2 * c + law]
-            weights[first_entry + LANES * law], weights[first_entry + LANES * (2 + law)] = (
-                alpha[2 * c + law],
-                ratio_of_law * ratio_of_law,
-            )
+    lanes, one, two, three = uint64(LANES), uint64(1), uint64(2), uint64(3)
+    for c in range(uint64(len(slots)) // three):
+        slot, normal = uint64(slots[three * c]), two * c
+        friction, entry = normal + one, uint64(WEIGHTS) * lanes * (slot // (three * lanes)) + slot % lanes
+        weights[entry], weights[entry + lanes] = alpha[normal], alpha[friction]
+        weights[entry + two * lanes] = ratios[normal] * ratios[normal]
+        weights[entry + three * lanes] = ratios[friction] * ratios[friction]
 
 
 @njit(cache=True, fastmath={"contract"})
 def _write_motion(balls, normals, inverse_masses, impulses, motion):  # type: ignore[no-untyped-def]
     """Write v and τ of given impulses."""
-    for c in range(len(normals)):
+    one, two, three, length, tau = uint64(1), uint64(2), uint64(3), uint64(BALL_LENGTH), uint64(VECTOR)
+    for c in range(uint64(len(normals))):
         x, y, z = normals[c, 0], normals[c, 1], normals[c, 2]
         (t1x, t1y, t1z), (t2x, t2y, t2z) = tangents(x, y, z)
-        normal, first, second = impulses[3 * c], impulses[3 * c + 1], impulses[3 * c + 2]
+        normal, first, second = impulses[three * c], impulses[three * c + one], impulses[three * c + two]
         push = (
             normal * x + first * t1x + second * t2x,
             normal * y + first * t1y + second * t2y,
             normal * z + first * t1z + second * t2z,
         )
         turn = (first * t2x - second * t1x, first * t2y - second * t1y, first * t2z - second * t1z)
-        for side in range(2):
-            ball, sign = balls[2 * c + side], 1.0 - 2.0 * side
-            for axis in range(3):
-                motion[BALL_LENGTH * ball + axis] += sign * inverse_masses[ball] * push[axis]
-                motion[BALL_LENGTH * ball + VECTOR + axis] -= inverse_masses[ball] * turn[axis]
+        i, j = uint64(balls[two * c]), uint64(balls[two * c + one])  # unsigned indices need no test for negative ones
+        inverse, v = inverse_masses[i], length * i
+        for axis in range(three):
+            motion[v + axis] += inverse * push[axis]
+            motion[v + tau + axis] -= inverse * turn[axis]
+        inverse, v = inverse_masses[j], length * j
+        for axis in range(three):
+            motion[v + axis] -= inverse * push[axis]
+            motion[v + tau + axis] -= inverse * turn[axis]
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -317,7 +354,6 @@ def _contact_velocity(c, balls, normals, spin_ratio, free_velocity, motion):  # 
     row, length, tau = uint64(3) * uint64(c), uint64(BALL_LENGTH), uint64(VECTOR)
     i, j = length * uint64(balls[uint64(2) * uint64(c)]), length * uint64(balls[uint64(2) * uint64(c) + uint64(1)])
     normal = normals[c, 0], normals[c, 1], normals[c, 2]
-    first, second = tangents(normal[0], normal[1], normal[2])
     dx = motion[i] - motion[j]
     dy = motion[i + uint64(1)] - motion[j + uint64(1)]
     dz = motion[i + uint64(2)] - motion[j + uint64(2)]
@@ -325,5 +361,9 @@ def _contact_velocity(c, balls, normals, spin_ratio, free_velocity, motion):  # 
     sx = spin_ratio * (motion[i] + motion[j])
     sy = spin_ratio * (motion[i + uint64(1)] + motion[j + uint64(1)])
     sz = spin_ratio * (motion[i + uint64(2)] + motion[j + uint64(2)])
-    contact_free_velocity = free_velocity[row], free_velocity[row + uint64(1)], free_velocity[row + uint64(2)]
-    return velocity_in_frame((normal, first, second), (dx, dy, dz), (sx, sy, sz), contact_free_velocity)
+    x, y, z = normal
+    along_normal, first, second = in_frame(
+        normal, (dx + (y * sz - z * sy), dy + (z * sx - x * sz), dz + (x * sy - y * sx))
+    )
+    one, two = uint64(1), uint64(2)
+    return free_velocity[row] + along_normal, free_velocity[row + one] + first, free_velocity[row + two] + second

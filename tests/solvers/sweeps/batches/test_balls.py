@@ -100,6 +100,28 @@ def test_balls_of_unlike_inertia_are_swept_over_pieces_to_the_same_solution(form
     assert np.abs(found - expected).max() <= 1e-12 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("tilt", [0.0, 1e-300, 1e-17, 1.0])
+def test_impulses_survive_the_change_to_vectors_in_space(tilt: float) -> None:
+    """Sweeps use P = Λ_N n + Λ_T1 T1 + Λ_T2 T2; the tangents are discontinuous for horizontal normals."""
+    problem = heap(6)
+    assert problem.factors is not None
+    given = problem.factors.directions
+    assert isinstance(given, BallContacts)
+    normals = given.normals.copy()
+    normals[::3] = [-1.0, 0.0, 0.0]
+    normals[1::3] = [0.0, 0.0, -1.0]
+    normals[:, 2] += tilt * (normals[:, 2] == 0.0)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    factors = replace(problem.factors, directions=BallContacts(given.chunks, normals, given.radii))
+    problem = ContactProblem(problem.free_velocity, problem.laws, factors=factors)
+    start = np.random.default_rng(7).normal(size=problem.n_rows)
+    iterates = create("SORprox", form="factors").prepare(problem).begin(start)
+    assert isinstance(iterates, BallIterates)
+    assert np.abs(iterates.impulses() - start).max() <= 1e-15 * np.abs(start).max()
+    velocity = problem.relative_velocity(start)
+    assert np.abs(iterates.relative_velocity() - velocity).max() <= 1e-13 * np.abs(velocity).max()
+
+
 @settings(deadline=None, max_examples=20)
 @given(seed=st.integers(0, 2**31), size=st.sampled_from([1e-120, 1.0, 1e120]), sweeps=st.integers(0, 30))
 def test_the_residual_of_one_pass_is_that_of_the_impulses(seed: int, size: float, sweeps: int) -> None:
