@@ -135,7 +135,7 @@ class Restarts:
         """Pass Λ to the monitor if it is the best so far."""
         monitor = self._driver.monitor
         if residual < monitor.best_residual:
-            monitor.best_residual, monitor.best_impulses = residual, impulses
+            monitor.replace_best(residual, impulses)
 
     def _run_sweeps(self, max_sweeps: int) -> int:
         """Do up to ``max_sweeps`` sweeps within the limits; return their number."""

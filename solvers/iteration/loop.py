@@ -66,10 +66,13 @@ class WindowedIterates(SinglePassIterates):
 
 
 class Window(NamedTuple):
-    """The residuals of a window, and the Λ over rows with the lowest residual before the last one, if there is one."""
+    """The residuals of a window, and a function that returns Λ over rows with the lowest residual before the last one.
+
+    If there is only one residual, no sweep has changed this Λ.
+    """
 
     residuals: FloatArray
-    best_impulses: FloatArray
+    best_impulses: Callable[[], FloatArray]
 
 
 class MeasuringIterates:

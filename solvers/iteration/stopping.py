@@ -9,6 +9,7 @@ without bound or is not a number (DIVERGED).
 
 import bisect
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from operator import itemgetter
@@ -109,13 +110,12 @@ class Monitor:
     Attributes:
         stop: the limits.
         best_residual: the lowest finite residual so far.
-        best_impulses: its iterate, shape (n_rows,), not to be modified; None before the first finite residual.
         clock: the clock of the solve.
     """
 
     stop: Stop
     best_residual: float = np.inf
-    best_impulses: FloatArray | None = None
+    _best_impulses: FloatArray | Callable[[], FloatArray] | None = None
     clock: Clock = field(init=False)
     _first: float = np.inf
     _iteration: int = 0
@@ -142,8 +142,19 @@ class Monitor:
         """A residual that is not below this number ends the solve as divergent."""
         return DIVERGENCE_GROWTH * self._first
 
-    def record(self, iteration: int, residual: float, impulses: FloatArray) -> None:
-        """Record the residual after ``iteration`` sweeps."""
+    @property
+    def best_impulses(self) -> FloatArray | None:
+        """The iterate with the lowest residual, shape (n_rows,), not to be modified; None before the first residual."""
+        if callable(self._best_impulses):
+            self._best_impulses = self._best_impulses()
+        return self._best_impulses
+
+    def replace_best(self, residual: float, impulses: FloatArray) -> None:
+        """Replace the best iterate and its residual."""
+        self.best_residual, self._best_impulses = residual, impulses
+
+    def record(self, iteration: int, residual: float, impulses: FloatArray | Callable[[], FloatArray]) -> None:
+        """Record the residual after ``iteration`` sweeps; ``impulses`` may be a function that returns the iterate."""
         if not self._history:
             self._first = max(residual, 1.0) if residual < np.inf else 1.0
         self._iteration = iteration
@@ -151,7 +162,7 @@ class Monitor:
         if residual < self.best_residual:
             if residual < RECORD_RATIO * self.best_residual:
                 self._checks_without_progress = 0
-            self.best_residual, self.best_impulses = residual, impulses
+            self.best_residual, self._best_impulses = residual, impulses
         if not self._history or self.best_residual < RECORD_RATIO * self._history[-1][1]:
             self._history.append((iteration, self.best_residual))
 

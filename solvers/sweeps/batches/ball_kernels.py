@@ -157,17 +157,11 @@ def update_impulses(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def largest_violation(bodies, records, kappa, impulses, motion, weights, normals, slots, rows):  # type: ignore[no-untyped-def]
-    """Write Λ over rows; return the largest violation of a law times its ratio [m/s], as ``Residual`` measures it.
+def largest_violation(bodies, records, kappa, impulses, motion, weights):  # type: ignore[no-untyped-def]
+    """Return the largest violation of a law times its ratio [m/s], as ``Residual`` measures it.
 
     u of all contacts follows from the final v and τ, which takes one more pass over the records.
     """
-    write_rows(normals, slots, impulses, 0, len(normals), rows)
-    return _largest_violation(bodies, records, kappa, impulses, motion, weights)
-
-
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def _largest_violation(bodies, records, kappa, impulses, motion, weights):  # type: ignore[no-untyped-def]
     moves, scratch, largest = np.empty(6 * LANES), np.empty(SCRATCH * LANES), np.zeros(LANES)
     for batch in range(uint64(len(bodies)) // (uint64(2) * uint64(LANES))):
         find_violations(bodies, records, kappa, impulses, motion, weights, batch, moves, scratch, largest)
@@ -193,7 +187,7 @@ def sweep_window(  # type: ignore[no-untyped-def]
             count, bodies, records, kappa, impulses, motion, change, previous_motion, momentum, delay, sweeps, beta
         )
         sweeps += count
-        residual = _largest_violation(bodies, records, kappa, impulses, motion, weights) / scale
+        residual = largest_violation(bodies, records, kappa, impulses, motion, weights) / scale
         residuals[check] = residual
         if check + uint64(1) == n_checks or not lowest < residual < limit:
             break

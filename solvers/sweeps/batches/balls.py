@@ -6,6 +6,7 @@ the inverse masses of its balls, and in place of Λ, sweeps change the vector P;
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -164,7 +165,7 @@ class BallIterates(MomentumState, WindowedIterates):
 
     def __init__(self, sweep: BallSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         MomentumState.__init__(self, momentum, delay)
-        self._sweep = sweep
+        self._sweep, self._start = sweep, start
         self._impulses = np.zeros(3 * len(sweep.bodies) // 2)
         write_impulses(sweep.balls.contacts.normals, sweep.slots, start, self._impulses)
         self._motion = sweep.balls.motion(start)
@@ -199,11 +200,11 @@ class BallIterates(MomentumState, WindowedIterates):
         self.count_window(counts[:n_checks], residuals[: n_checks - 1])
         last = float(residuals[n_checks - 1])
         self._measured_after, self._last_residual = self._sweeps, np.inf if np.isnan(last) else last
-        return Window(residuals[:n_checks], self._over_rows(best))
+        return Window(residuals[:n_checks], partial(self._over_rows, best))
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
-        return self._over_rows(self._impulses)
+        return self._over_rows(self._impulses) if self._sweeps else self._start.copy()
 
     def relative_velocity(self) -> FloatArray:
         """Return ξ over rows."""
@@ -219,13 +220,12 @@ class BallIterates(MomentumState, WindowedIterates):
         if not can_compare_squares(residual):
             impulses = self.impulses()
             return impulses, residual(impulses, self.relative_velocity())
-        if self._measured_after == self._sweeps and residual is self._residual:
-            return self.impulses(), self._last_residual
-        self._use_residual(residual)
-        sweep, impulses = self._sweep, np.empty(len(self._sweep.slots))
-        arrays = sweep.bodies, sweep.records, sweep.balls.spin_ratio, self._impulses, self._motion
-        violation = largest_violation(*arrays, self._weights, sweep.balls.contacts.normals, sweep.slots, impulses)
-        return impulses, ratio(violation, residual.scale)
+        if self._measured_after != self._sweeps or residual is not self._residual:
+            self._use_residual(residual)
+            sweep = self._sweep
+            arrays = sweep.bodies, sweep.records, sweep.balls.spin_ratio, self._impulses, self._motion, self._weights
+            self._measured_after, self._last_residual = self._sweeps, ratio(largest_violation(*arrays), residual.scale)
+        return self.impulses(), self._last_residual
 
     def _over_rows(self, impulses: FloatArray) -> FloatArray:
         """Return Λ over rows from P in the order of batches."""

@@ -36,23 +36,37 @@ CONTRACT = ("contract",)
 
 def zeros_for_balls(count: int) -> FloatArray:
     """Return zeros for ``count`` balls, flat, each at a multiple of 64 bytes."""
-    numbers = _aligned(BALL_LENGTH * count)
-    numbers.fill(0.0)
-    return numbers
+    zeros: FloatArray = _aligned_zeros(BALL_LENGTH * count)
+    return zeros
 
 
 def aligned_copy(numbers: FloatArray) -> FloatArray:
     """Return a copy that begins at a multiple of 64 bytes."""
-    copy = _aligned(len(numbers))
-    copy[:] = numbers
+    copy: FloatArray = _aligned_copy(numbers)
     return copy
 
 
-def _aligned(length: int) -> FloatArray:
+@njit(cache=True)
+def _aligned_zeros(length):  # type: ignore[no-untyped-def]
+    numbers = _aligned(length)
+    for k in range(len(numbers)):
+        numbers[k] = 0.0
+    return numbers
+
+
+@njit(cache=True)
+def _aligned_copy(numbers):  # type: ignore[no-untyped-def]
+    copy = _aligned(len(numbers))
+    for k in range(len(copy)):
+        copy[k] = numbers[k]
+    return copy
+
+
+@njit(cache=True)
+def _aligned(length):  # type: ignore[no-untyped-def]
     """Return an array of any numbers that begins at a multiple of 64 bytes."""
     numbers = np.empty(length + BALL_LENGTH)
-    address: int = numbers.__array_interface__["data"][0]
-    first = -(address // numbers.itemsize) % BALL_LENGTH
+    first = (BALL_LENGTH - numbers.ctypes.data // 8 % BALL_LENGTH) % BALL_LENGTH
     return numbers[first : first + length]
 
 

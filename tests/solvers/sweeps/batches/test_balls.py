@@ -18,6 +18,7 @@ from proxbench.problems.motion.stepping.midpoint import step_problem
 from proxbench.solvers import Stop, create
 from proxbench.solvers.iteration import loop
 from proxbench.solvers.iteration.loop import Window, impulses_and_residual
+from proxbench.solvers.sweeps.batches.ball_kernels import write_rows
 from proxbench.solvers.sweeps.batches.balls import BallIterates, BallSweep
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
 
@@ -117,7 +118,10 @@ def test_impulses_survive_the_change_to_vectors_in_space(tilt: float) -> None:
     start = np.random.default_rng(7).normal(size=problem.n_rows)
     iterates = create("SORprox", form="factors").prepare(problem).begin(start)
     assert isinstance(iterates, BallIterates)
-    assert np.abs(iterates.impulses() - start).max() <= 1e-15 * np.abs(start).max()
+    assert np.array_equal(iterates.impulses(), start)  # without a sweep
+    rows = np.full(len(start), np.nan)
+    write_rows(normals, iterates._sweep.slots, iterates._impulses, 0, len(normals), rows)
+    assert np.abs(rows - start).max() <= 1e-15 * np.abs(start).max()
     velocity = problem.relative_velocity(start)
     assert np.abs(iterates.relative_velocity() - velocity).max() <= 1e-13 * np.abs(velocity).max()
 
