@@ -296,22 +296,25 @@ def _add_pairs_of_large_balls(centres, radii, limit, order, number, extent_x, ex
 
 @njit(cache=True)
 def _sorted_pairs(pairs, n):  # type: ignore[no-untyped-def]
-    """Return pairs sorted by i (counting sort), then by j (insertion sort, because few pairs share a ball)."""
-    begin = np.zeros(n + 1, dtype=np.int64)
-    for k in range(len(pairs)):
-        begin[pairs[k, 0] + 1] += 1
-    for i in range(n):
-        begin[i + 1] += begin[i]
-    ends, sorted_pairs = begin[:-1].copy(), np.empty_like(pairs)
-    for k in range(len(pairs)):
-        i, j = pairs[k]
-        slot = ends[i]
-        ends[i] += 1
-        while slot > begin[i] and sorted_pairs[slot - 1, 1] > j:
-            sorted_pairs[slot, 0], sorted_pairs[slot, 1] = i, sorted_pairs[slot - 1, 1]
-            slot -= 1
-        sorted_pairs[slot, 0], sorted_pairs[slot, 1] = i, j
-    return sorted_pairs
+    """Return pairs of ``n`` balls sorted by i, then j, in linear time."""
+    return _sorted_by(_sorted_by(pairs, 1, n), 0, n)
+
+
+@njit(cache=True)
+def _sorted_by(pairs, column, n):  # type: ignore[no-untyped-def]
+    """Return pairs sorted by a column; equal numbers stay in order (counting sort)."""
+    begin, column, one = np.zeros(n + 1, dtype=np.uint64), uint64(column), uint64(1)
+    for k in range(uint64(len(pairs))):
+        begin[uint64(pairs[k, column]) + one] += one
+    for i in range(uint64(n)):
+        begin[i + one] += begin[i]
+    ordered = np.empty_like(pairs)
+    for k in range(uint64(len(pairs))):
+        number = uint64(pairs[k, column])
+        slot = begin[number]
+        ordered[slot, 0], ordered[slot, 1] = pairs[k, 0], pairs[k, 1]
+        begin[number] = slot + one
+    return ordered
 
 
 @njit(cache=True)
