@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from ..arrays import FloatArray, ReadOnlyRecord, finite_vector, frozen, read_only, real_numbers, real_vector
+from ..arrays import FloatArray, ReadOnlyRecord, finite_vector, frozen, read_only, real_numbers, real_vector, sealed
 from ..engine_model import EngineModel
 from ..errors import ProblemError
 from ..representation import counted, html_table
@@ -78,9 +78,8 @@ class ContactProblem(ReadOnlyRecord):
         _require_type("name", self.name, str, "a string")
         _require_type("provenance", self.provenance, Mapping, "a dictionary")
         _require_type("allow_asymmetric", self.allow_asymmetric, bool | np.bool_, "True or False")
-        object.__setattr__(
-            self, "free_velocity", frozen(finite_vector(self.free_velocity, "c", self.laws.n_rows), float)
-        )
+        free_velocity = finite_vector(self.free_velocity, "c", self.laws.n_rows)
+        object.__setattr__(self, "free_velocity", sealed(free_velocity.copy()))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         if (self.matrix is None) == (self.factors is None):
             raise ProblemError("a contact problem needs either G or the factors W and M⁻¹, and not both.")
