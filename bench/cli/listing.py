@@ -18,7 +18,7 @@ from ...problems.motion.scenes.registry import SCENES
 from ...solvers.peers.installed import check_installed
 from ...solvers.registry import available, composites, create, natives, on_devices, parts, peers, plugin_solvers
 from ..errors import BenchError
-from ..plugins.descriptions import describe_scene, describe_solver, documentation_of, option_texts, plugin_problem
+from ..plugins.documentation import documentation_of, option_texts
 from ..report.layout.text import counted, output_width
 
 KINDS = ("solvers", "suites", "scenes", "problems")
@@ -219,6 +219,8 @@ def _native(example: str) -> Row:
 
 
 def _plugin_solver(offer: Offer) -> Row:
+    from ..plugins.descriptions import describe_solver  # only plugins need child processes
+
     solver = describe_solver(offer.name)
     return {key: solver[key] for key in ("name", "model", "source", "options")}
 
@@ -238,6 +240,8 @@ def _scene(name: str) -> Row:
 
 
 def _plugin_scene(offer: Offer) -> Row:
+    from ..plugins.descriptions import describe_scene
+
     return {"summary": f"from {offer.source}", "options": describe_scene(offer.name)}
 
 
@@ -248,8 +252,13 @@ def _problems(has_sizes: bool) -> list[Row]:
     if not has_sizes:
         rows = [{"name": name, "source": "", "error": ""} for name in names]
         return rows + [{"name": offer.name, "source": offer.source, "error": offer.rejection} for offer in offers]
-    rows = [_standard_problem(name) for name in names]
-    return rows + [_plugin_row(offer, lambda offer: _problem(plugin_problem(offer.name))) for offer in offers]
+    return [_standard_problem(name) for name in names] + [_plugin_row(offer, _plugin_problem) for offer in offers]
+
+
+def _plugin_problem(offer: Offer) -> Row:
+    from ..plugins.descriptions import plugin_problem
+
+    return _problem(plugin_problem(offer.name))
 
 
 def _standard_problem(name: str) -> Row:
