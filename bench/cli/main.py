@@ -8,7 +8,6 @@ import gc
 import sys
 from collections.abc import Callable
 from functools import cache
-from importlib import metadata
 from typing import Annotated, Any
 
 import typer
@@ -204,6 +203,8 @@ def _root(
     version: Annotated[bool, typer.Option("--version", metavar="", help="Print the version.")] = False,
 ) -> int:
     if version:
+        from importlib import metadata
+
         print(f"proxbench {metadata.version('proxbench')}")
         raise typer.Exit
     return options.require_command(context)
