@@ -213,6 +213,8 @@ def test_missing_command_prints_the_help_and_is_a_usage_error(capsys: pytest.Cap
         ("--help", {"numpy", "numba", "scipy", "pandas", "altair", "clarabel", "importlib.metadata"}),
         ("run --help", {"numpy", "numba", "scipy", "pandas", "altair", "clarabel", "proxbench.problems"}),
         pytest.param("--version", {"numpy", "numba", "scipy", "rich", "proxbench.problems"}, marks=pytest.mark.slow),
+        pytest.param("list suites", {"proxbench.problems.motion", "proxbench.solvers.sweeps"}, marks=pytest.mark.slow),
+        pytest.param("list solvers", {"proxbench.problems.motion"}, marks=pytest.mark.slow),
         pytest.param(
             "list",
             {
