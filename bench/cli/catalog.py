@@ -1,6 +1,5 @@
 """The commands ``proxbench list`` and ``proxbench generate``."""
 
-import gc
 from pathlib import Path
 from typing import Annotated
 
@@ -17,15 +16,11 @@ def list_names(
     as_json: options.Json = False,
 ) -> None:
     """List solvers, suites, problems and scenes."""
-    gc.disable()  # importing all solvers and scenes creates no garbage, and searching for it takes a tenth of the time
-    try:
-        from ..report.layout.text import print_json
-        from .listing import listing_rows, print_listing
+    from ..report.layout.text import print_json
+    from .listing import listing_rows, print_listing
 
-        has_sizes = bool(kind) or as_json  # a list of all kinds only counts problems
-        rows = listing_rows(kind, suite, name, has_sizes=has_sizes)
-    finally:
-        gc.enable()
+    has_sizes = bool(kind) or as_json  # a list of all kinds only counts problems
+    rows = listing_rows(kind, suite, name, has_sizes=has_sizes)
     if as_json:
         print_json(rows)
     else:

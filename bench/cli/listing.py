@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
@@ -13,13 +13,14 @@ from ...problems.exchange.catalog import SUITES, is_available, load, plugin_prob
 from ...problems.exchange.families import family_of
 from ...problems.exchange.index import ProblemSummary, stored_summaries, summary_of
 from ...problems.exchange.plugins.offers import Offer
-from ...problems.exchange.plugins.scenes import plugin_scenes
-from ...problems.motion.scenes.registry import SCENES
 from ...solvers.peers.installed import check_installed
 from ...solvers.registry import available, composites, create, natives, on_devices, parts, peers, plugin_solvers
 from ..errors import BenchError
-from ..plugins.descriptions import describe_scene, describe_solver, documentation_of, option_texts, plugin_problem
+from ..plugins.documentation import documentation_of, option_texts
 from ..report.layout.text import counted, output_width
+
+if TYPE_CHECKING:
+    from ...problems.motion.scenes.scene import SceneKind
 
 KINDS = ("solvers", "suites", "scenes", "problems")
 """Kinds of entries that can be listed."""
@@ -108,7 +109,7 @@ def print_listing(names: dict[str, list[Row]], with_options: bool = False) -> No
 def _print_details(kind: str, row: Row) -> None:
     """Print the options of a built-in scene, or the summary and options of a solver that needs no parts or extras."""
     name, options = row["name"], list[tuple[str, str]]()
-    if kind == "scenes" and name in SCENES:
+    if kind == "scenes" and not row["source"]:
         options = _option_rows(name)
     if kind == "solvers" and name in available() and not row["source"]:
         summary, meanings = documentation_of(name)
@@ -183,6 +184,8 @@ def _scene_text(row: Row) -> str:
 
 def _option_rows(scene: str) -> list[tuple[str, str]]:
     """Return each option of a built-in scene with its default, and its meaning."""
+    from ...problems.motion.scenes.registry import SCENES
+
     return [
         (f"{key}={option.default!r}", option.meaning + ("; None: off" if option.can_be_off else ""))
         for key, option in SCENES[scene].options.items()
@@ -219,6 +222,8 @@ def _native(example: str) -> Row:
 
 
 def _plugin_solver(offer: Offer) -> Row:
+    from ..plugins.descriptions import describe_solver  # only plugins need child processes
+
     solver = describe_solver(offer.name)
     return {key: solver[key] for key in ("name", "model", "source", "options")}
 
@@ -228,16 +233,21 @@ def _suites() -> list[Row]:
 
 
 def _scenes() -> list[Row]:
-    rows = [_row(name, "", partial(_scene, name)) for name in SCENES]
+    from ...problems.exchange.plugins.scenes import plugin_scenes  # other kinds need no module of a scene
+    from ...problems.motion.scenes.registry import SCENES
+
+    rows = [_row(name, "", partial(_scene, kind)) for name, kind in SCENES.items()]
     return rows + [_plugin_row(offer, _plugin_scene) for offer in plugin_scenes()]
 
 
-def _scene(name: str) -> Row:
-    options = [f"{key}={option.default!r}" for key, option in SCENES[name].options.items()]
-    return {"summary": SCENES[name].summary, "options": options}
+def _scene(kind: "SceneKind") -> Row:
+    options = [f"{key}={option.default!r}" for key, option in kind.options.items()]
+    return {"summary": kind.summary, "options": options}
 
 
 def _plugin_scene(offer: Offer) -> Row:
+    from ..plugins.descriptions import describe_scene
+
     return {"summary": f"from {offer.source}", "options": describe_scene(offer.name)}
 
 
@@ -248,8 +258,13 @@ def _problems(has_sizes: bool) -> list[Row]:
     if not has_sizes:
         rows = [{"name": name, "source": "", "error": ""} for name in names]
         return rows + [{"name": offer.name, "source": offer.source, "error": offer.rejection} for offer in offers]
-    rows = [_standard_problem(name) for name in names]
-    return rows + [_plugin_row(offer, lambda offer: _problem(plugin_problem(offer.name))) for offer in offers]
+    return [_standard_problem(name) for name in names] + [_plugin_row(offer, _plugin_problem) for offer in offers]
+
+
+def _plugin_problem(offer: Offer) -> Row:
+    from ..plugins.descriptions import plugin_problem
+
+    return _problem(plugin_problem(offer.name))
 
 
 def _standard_problem(name: str) -> Row:

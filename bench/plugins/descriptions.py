@@ -1,14 +1,11 @@
 """Descriptions of plugins and of the caller's solvers, which are imported and created in a child process.
 
-The process returns JSON, and problems as the content of problem files. Options of solvers, and what the docstrings of
-built-in solvers say, are read in this process.
+The process returns JSON, and problems as the content of problem files.
 """
 
-import inspect
 import io
-import re
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import cloudpickle
 
@@ -34,6 +31,7 @@ from ...solvers.native.native_solver import NativeSolver
 from ..errors import BenchError
 from ..isolation.worker import REQUEST_SECONDS, Fault, RenewedWorker
 from ..store.outcome import Outcome
+from .documentation import option_texts
 from .native_files import use_native_files
 from .solver_specs import SolverSpec, built_in, pickle_solver
 
@@ -88,39 +86,6 @@ def describe_solver(name: str) -> dict[str, Any]:
         PluginError: if the solver cannot be created, or violates the interface.
     """
     return _ask(f"the solver {name!r} cannot be created", PluginError, "solver", name, b"")[0]
-
-
-def option_texts(name: str) -> list[str]:
-    """Return the options of a solver with their defaults, as ``"relaxation=1.0"``; import its plugin if necessary."""
-    options = inspect.signature(registry.factory(name)).parameters.values()
-    return [f"{option.name}={option.default!r}" for option in options if option.default is not option.empty]
-
-
-class Documentation(NamedTuple):
-    """The first paragraph of a docstring, and the meaning of each documented option, without line breaks."""
-
-    summary: str
-    options: dict[str, str]
-
-
-def documentation_of(name: str) -> Documentation:
-    """Return what the docstring of a built-in solver says.
-
-    Args:
-        name: the solver, without options.
-
-    Raises:
-        SolverError: if there is no such solver.
-    """
-    text = (inspect.getdoc(registry.factory(name)) or "").replace("``", "")
-    _, _, attributes = text.partition("\nAttributes:\n")
-    section = re.split(r"\n(?=\S)", attributes)[0]
-    entries = re.findall(r"^ {4}(\w+): (.*(?:\n {5,}.*)*)", section, re.MULTILINE)
-    return Documentation(_one_line(text.partition("\n\n")[0]), {key: _one_line(meaning) for key, meaning in entries})
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
 
 
 def describe_scene(name: str) -> list[str]:

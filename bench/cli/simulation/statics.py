@@ -1,9 +1,9 @@
 """The command ``proxbench statics``."""
 
 from functools import partial
+from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from .. import options
@@ -57,7 +57,7 @@ def statics(
         row |= _largest_push(problem, *direction)
     if friction:
         coefficient = least_friction(problem)
-        row["least_friction"] = coefficient if np.isfinite(coefficient) else None
+        row["least_friction"] = coefficient if isfinite(coefficient) else None
     if as_json:
         print_json(row)
     elif not quiet:
@@ -74,6 +74,8 @@ def _push_direction(scene: "Scene", push: str | None) -> "tuple[FloatArray, Floa
     Raises:
         BenchError: if ``push`` is not a direction of the scene's dimension, or cannot apply to its bodies.
     """
+    import numpy as np  # help must not wait for it
+
     from ....problems.motion.bodies.balls import BallSystem
     from ...errors import BenchError
 
@@ -102,7 +104,7 @@ def _largest_push(problem: "ContactProblem", direction: "FloatArray", velocity: 
     from ....problems.motion.equilibrium import largest_push
 
     factor = largest_push(problem, velocity).factor
-    return {"push": direction.tolist(), "largest_push": factor if np.isfinite(factor) else None}
+    return {"push": direction.tolist(), "largest_push": factor if isfinite(factor) else None}
 
 
 def _sentence(row: dict[str, Any]) -> str:

@@ -1,5 +1,6 @@
 """The command line: one sentence and an exit code for every mistake."""
 
+import gc
 import json
 import subprocess
 import sys
@@ -8,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench import load
-from proxbench.bench.cli.main import run_command
+from proxbench.bench.cli.main import OBJECTS_OF_IMPORTS, main, run_command
 from proxbench.bench.store.outcome import Outcome
 from proxbench.problems import load as load_problem
 from proxbench.problems import save_problem
@@ -206,14 +207,98 @@ def test_missing_command_prints_the_help_and_is_a_usage_error(capsys: pytest.Cap
     assert "generate" in printed.err
 
 
-def test_help_loads_neither_numba_nor_pandas() -> None:
+@pytest.mark.parametrize(
+    ("line", "unused"),
+    [
+        ("--help", {"numpy", "numba", "scipy", "pandas", "altair", "clarabel", "importlib.metadata"}),
+        ("run --help", {"numpy", "numba", "scipy", "pandas", "altair", "clarabel", "proxbench.problems"}),
+        pytest.param("--version", {"numpy", "numba", "scipy", "rich", "proxbench.problems"}, marks=pytest.mark.slow),
+        pytest.param("list suites", {"proxbench.problems.motion", "proxbench.solvers.sweeps"}, marks=pytest.mark.slow),
+        pytest.param("list solvers", {"proxbench.problems.motion"}, marks=pytest.mark.slow),
+        pytest.param(
+            "list",
+            {
+                *(
+                    "pandas",
+                    "altair",
+                    "rerun",
+                    "rich",
+                    "psutil",
+                    "msgspec",
+                    "cloudpickle",
+                    "multiprocessing.connection",
+                ),
+                *(
+                    "multiprocessing.connection",
+                    "proxbench.bench.isolation",
+                    "proxbench.bench.store",
+                    "proxbench.bench.plugins.descriptions",
+                ),
+            },
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_a_command_loads_only_what_it_uses(line: str, unused: set[str]) -> None:
     code = (
-        "import sys; from proxbench.bench.cli.main import run_command; run_command(['--help']);"
-        "print(sorted({'numba', 'pandas', 'altair', 'clarabel', 'scipy'} & set(sys.modules)), file=sys.stderr)"
+        f"import sys; from proxbench.bench.cli.main import run_command; run_command({line.split()});"
+        f"print(sorted({unused} & set(sys.modules)), file=sys.stderr)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.strip() == "[]"
-    assert "generate" in done.stdout
+    assert len(done.stdout) > 10
+
+
+@pytest.mark.slow
+def test_imports_of_a_command_are_not_searched_for_garbage() -> None:
+    """The collections are those between the start of the command and the end of the interpreter."""
+    code = """
+import atexit, gc, sys
+from proxbench.bench.cli.main import main
+begun = []
+gc.callbacks.append(lambda phase, _: begun.append(phase))
+gc.collect()
+begun.clear()
+atexit.register(lambda: print(begun, gc.get_freeze_count() > 100_000, file=sys.stderr))
+sys.argv = ["proxbench", "list"]
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == "[] True\n"
+    assert "solvers" in done.stdout
+
+
+def test_garbage_is_collected_as_usual_after_the_first_collection(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, counts = (gc.isenabled(), gc.get_threshold(), [*gc.callbacks]), list[int]()
+
+    def command(arguments: list[str]) -> int:
+        counts.append(gc.get_threshold()[0])
+        assert gc.isenabled()
+        gc.collect()
+        counts.append(gc.get_threshold()[0])
+        return 0
+
+    monkeypatch.setattr("proxbench.bench.cli.main.run_command", command)
+    monkeypatch.setattr(gc, "freeze", lambda: None)  # it would also freeze the garbage of other tests
+    with pytest.raises(SystemExit):
+        main()
+    assert counts == [OBJECTS_OF_IMPORTS, before[1][0]]
+    assert (gc.isenabled(), gc.get_threshold(), [*gc.callbacks]) == before
+
+
+@pytest.mark.slow
+def test_commands_called_from_python_leave_the_garbage_collector_alone() -> None:
+    code = """
+import gc, sys
+def state():
+    return gc.isenabled(), gc.get_threshold(), gc.get_freeze_count(), len(gc.callbacks)
+before = state()
+from proxbench.bench.cli.main import run_command
+run_command(["list", "suites"])
+print(state() == before, file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == "True\n"
 
 
 @pytest.mark.parametrize("word", ["funnel", "stack(masses=(1.0,))", "woodpecker"])

@@ -3,7 +3,7 @@
 import inspect
 
 import pytest
-from proxbench.bench.plugins.descriptions import documentation_of
+from proxbench.bench.plugins.documentation import documentation_of
 from proxbench.solvers.registry import BUILT_IN, PARTS, factory
 
 UNDOCUMENTED = {"parts", "warm_iterations", "iterations"}

@@ -64,6 +64,26 @@ def test_a_kernel_is_compiled_again_only_after_a_change_of_what_it_calls_or_of_a
     assert called_in_a_new_process(folder, cache) == (30.0, 0)
 
 
+def test_numba_tests_once_per_folder_whether_it_can_write_a_cache(tmp_path: Path) -> None:
+    """And the files in the cache have the names that numba gives them: each contains the line of its kernel."""
+    code = """
+from numba.core.caching import CacheImpl, UserProvidedCacheLocator, _CacheLocator
+tested, test = [], _CacheLocator.ensure_cache_path
+_CacheLocator.ensure_cache_path = lambda locator: tested.append(locator.get_cache_path()) or test(locator)
+import proxbench.solvers.sweeps.one_contact, proxbench.solvers.sweeps.any_laws
+from proxbench.problems.compilation.cached_kernels import _is_kernel
+from proxbench.solvers.sweeps import any_laws
+kernels = [value for value in vars(any_laws).values() if _is_kernel(value)]
+names = [(UserProvidedCacheLocator(one.py_func, one.py_func.__code__.co_filename), one) for one in kernels]
+print(len(kernels) > 2, len(tested) > 1, len(set(tested)) == len(tested))
+print(all(own.get_disambiguator() == one._cache._impl.locator.get_disambiguator() for own, one in names))
+print(all(own.get_cache_path() == one._cache._impl.locator.get_cache_path() for own, one in names))
+"""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.split() == ["True"] * 5
+
+
 def kernels() -> dict[str, Any]:
     """Return the kernels of the package by module and name."""
     found = {}
