@@ -55,7 +55,7 @@ def from_frame(normal, components):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, fastmath=False)
+@njit(cache=True, fastmath=False, error_model="numpy")
 def write_rows(normals, slots, impulses, begin, end, rows):  # type: ignore[no-untyped-def]
     """Write Λ over the rows of the contacts from ``begin`` to ``end``, from P in the order of batches.
 
