@@ -277,10 +277,9 @@ def outside_disc(held, xi, bound):  # type: ignore[no-untyped-def]
     x_1, x_2, x_3 = h_1 - xi_1, h_2 - xi_2, h_3 - xi_3
     squared = x_1 * x_1 + x_2 * x_2 + x_3 * x_3
     scale = bound / np.sqrt(squared if squared > 0.0 else 1.0)
-    outside = (h_1 - scale * x_1) ** 2 + (h_2 - scale * x_2) ** 2 + (h_3 - scale * x_3) ** 2
-    slides = not squared <= bound * bound
-    square = outside if slides else xi_1 * xi_1 + xi_2 * xi_2 + xi_3 * xi_3
-    square = np.inf if squared == np.inf else square
+    v_1, v_2, v_3 = h_1 - scale * x_1, h_2 - scale * x_2, h_3 - scale * x_3
+    inside, outside = xi_1 * xi_1 + xi_2 * xi_2 + xi_3 * xi_3, v_1 * v_1 + v_2 * v_2 + v_3 * v_3
+    square = np.inf if squared == np.inf else inside if squared <= bound * bound else outside
     possible_error = _sliding_error_squared(h_1 * h_1 + h_2 * h_2 + h_3 * h_3, bound)
     return possible_error if not squared <= INSIDE * bound * bound and possible_error > square else square
 
