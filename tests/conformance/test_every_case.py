@@ -85,7 +85,7 @@ WHOLE_ROW = {"Robust", "SORprox"}
 DAILY_STRIDE = 3
 """One in so many of the cases in ``DAILY`` is daily for the other solvers."""
 
-FIRST = {"Robust", "SORprox", "NSGS"}
+FIRST = {"Robust", "SORprox"}
 """Solvers that slow tests run on all small cases: the default solver, and the sweeps that users choose most often."""
 
 COMPARED = "hard-tresca-joint"

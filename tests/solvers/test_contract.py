@@ -75,15 +75,16 @@ def variants(column: int, names: Sequence[str] = VARIANTS, compiles: bool = Fals
     Args:
         column: number of the test.
         names: variants to which the test applies.
-        compiles: whether ``ColouredSORprox`` would compile kernels for seconds.
+        compiles: whether ``ColouredSORprox`` would compile kernels for seconds; it is then tested weekly.
     """
-    marks = [
-        ()
-        if name in WHOLE_ROW
-        or (is_on_diagonal(VARIANTS.index(name), column, STRIDE) and not (compiles and name == "ColouredSORprox"))
-        else pytest.mark.slow
-        for name in names
-    ]
+
+    def mark_of(name: str) -> Any:
+        if compiles and name == "ColouredSORprox":
+            return pytest.mark.weekly
+        is_daily = name in WHOLE_ROW or is_on_diagonal(VARIANTS.index(name), column, STRIDE)
+        return () if is_daily else pytest.mark.slow
+
+    marks = [mark_of(name) for name in names]
     return [pytest.param(name, marks=mark) for name, mark in zip(names, marks, strict=True)]
 
 
