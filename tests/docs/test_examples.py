@@ -23,7 +23,7 @@ from unittest import SkipTest
 
 import pytest
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.conformance import BRIEF_CHECKS
+from proxbench.bench.conformance import SOLVER_CHECKS
 from proxbench.problems.exchange.plugins.offers import forget, registered
 from sybil import Document, Example, Region
 from sybil.parsers.myst import CodeBlockParser, PythonCodeBlockParser, SkipParser
@@ -175,12 +175,28 @@ def test_examples_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.M
     run_page(ROOT / page)
 
 
+QUICKEST = (
+    "interface",
+    "pickling",
+    "process",
+    "finite",
+    "truthful",
+    "infeasible",
+    "no contacts",
+    "time limit",
+    "silent",
+)
+"""Checks of the solver of the guide for new solvers in slow tests; weekly tests run all of them."""
+
+
 @pytest.mark.slow
-def test_examples_of_the_guide_for_new_solvers_run_with_the_brief_checks(
+def test_examples_of_the_guide_for_new_solvers_run_with_the_quickest_checks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    checks = [check for check in SOLVER_CHECKS if check.name in QUICKEST]
+    assert len(checks) == len(QUICKEST)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": BRIEF_CHECKS})
+    monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": checks})
     assert run_page(ROOT / "docs/how-to/add-a-solver.md") == 5
 
 
