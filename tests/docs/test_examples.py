@@ -22,6 +22,7 @@ from typing import Any
 from unittest import SkipTest
 
 import pytest
+from blank_pictures import draw_blank_pictures
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.conformance import SOLVER_CHECKS
 from proxbench.problems.exchange.plugins.offers import forget, registered
@@ -39,8 +40,9 @@ MAX_LINE_WIDTH = 96
 
 @pytest.fixture(autouse=True)
 def _ignore_other_tests(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Exclude no rounds and add no notes on times, because other tests use the core."""
+    """Exclude no rounds and add no notes on times, because other tests use the core; draw no charts."""
     ignore_load(monkeypatch)
+    draw_blank_pictures(monkeypatch)
     monkeypatch.setattr("proxbench.bench.store.notes.EXPLAINED_RATIO", math.inf)
 
 

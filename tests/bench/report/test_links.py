@@ -11,6 +11,8 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.errors import BenchError
 from proxbench.bench.report.layout.output_file import write_file
 
+pytestmark = pytest.mark.usefixtures("blank_pictures")
+
 MINE = "not a result"
 LITTLE = "pile(balls=5) --duration 0.01 --stepper Moreau(step=1e-3) --no-progress"
 
