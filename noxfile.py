@@ -15,6 +15,8 @@ STYLE = ("ruff>=0.11",)
 MUTATING = ("cosmic-ray>=8.4", "pytest-timeout>=2.3")
 PROGRAMS = tuple(f"tests/speed/{name}.py" for name in ("contestants", "figures", "known_solvers", "pair"))
 TYPING = ("mypy>=1.15", "scipy-stubs", "pandas-stubs", "types-psutil")
+ON_ALL_CORES = ("-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder")
+"""Distribute test files in the given order: by their number of tests, some long ones would be last."""
 
 
 def _keep_compiled_kernels(session: nox.Session) -> None:
@@ -47,26 +49,29 @@ def tests(session: nox.Session) -> None:
     """
     session.install(".[test,dask]")
     _keep_compiled_kernels(session)
-    # files in the order of their folders, which ends with quick ones: by their number of tests, some long ones are last
-    order = ("-n", "auto", "--dist", "loadfile", "--no-loadscope-reorder")
-    session.run("pytest", *order, "-m", "not slow", *session.posargs)
+    session.run("pytest", *ON_ALL_CORES, "-m", "not slow", *session.posargs)  # the last folders are quick
 
 
 @nox.session
 def peers(session: nox.Session) -> None:
-    """Test external solvers, devices of Warp, captures, engines, writers and contacts of coal, each with its extra."""
+    """Test external solvers, devices of Warp, captures, engines, writers and contacts of coal, each with its extra.
+
+    Files of which no test needs an extra are left to the daily tests.
+    """
     session.install(".[test,peers,kamino,mujoco,engines,bodies,gpu]")
     _keep_compiled_kernels(session)
     _share_compiled_kernels(session, "tests")
-    captures = ("tests/problems/capture", "tests/bench/cli/test_capture_command.py")
-    engines = "tests/bench/measure/trajectories/engines"
-    in_motion = "tests/problems/motion/bodies/rigid/test_shapes_in_motion.py"
-    shapes = ("tests/problems/motion/detection", in_motion, "tests/problems/motion/scenes/rigid/test_rolling.py")
+    captures = (
+        "tests/speed/test_captured_models.py",
+        "tests/problems/capture",
+        "tests/bench/cli/test_capture_command.py",
+    )
+    engines = [f"tests/bench/measure/trajectories/engines/test_{name}.py" for name in ("installed_engines", "run")]
+    shapes = [f"tests/problems/motion/detection/test_{name}.py" for name in ("coal_contacts", "round_bodies")]
+    shapes.append("tests/problems/motion/bodies/rigid/test_shapes_in_motion.py")
     warp, writers = "tests/solvers/prox/test_warp_sorprox.py", "tests/docs/test_engine_writers.py"
-    tables = "tests/speed/test_captured_models.py"
-    parallel = ("-n", "auto", "--dist", "loadfile")
-    folders = ("tests/solvers/peers", warp, *captures, engines, writers, *shapes, tables)
-    session.run("pytest", *parallel, *folders, *session.posargs)
+    paths = (warp, *captures, *engines, writers, "tests/solvers/peers", *shapes)
+    session.run("pytest", *ON_ALL_CORES, *paths, *session.posargs)
 
 
 @nox.session

@@ -219,10 +219,11 @@ def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
         "budgets": budget_table,
     }
     parts: dict[str, list[pd.DataFrame]] = {name: [] for name in (*kinds, "speedup", "accuracy")}
+    residuals = residual_matrix(frames)
+    times = {accuracy: seconds_matrix(frames, accuracy) for accuracy in profile_accuracies(frames)}
     for family, own in _families_and_all(frames):
-        for accuracy in profile_accuracies(frames):
-            seconds = seconds_matrix(frames, accuracy)
-            seconds = seconds[seconds.index.isin(own)]
+        for accuracy, all_seconds in times.items():
+            seconds = all_seconds[all_seconds.index.isin(own)]
             factors = speedups(with_threads(frames, seconds, baseline), baseline)
             parts["speedup"].append(factors.assign(accuracy=accuracy, family=family, baseline=baseline))
             for view, view_matrix in _views(frames, seconds):
@@ -235,7 +236,7 @@ def profile_tables(frames: RunFrames, baseline: str) -> dict[str, pd.DataFrame]:
                     }
                     own_columns = with_threads(frames, view_matrix) if name == "performance" else view_matrix
                     parts[name].append(profile(own_columns).assign(**labels))
-        for view, view_matrix in _views(frames, residual_matrix(frames).loc[own]):
+        for view, view_matrix in _views(frames, residuals.loc[own]):
             rows = accuracy_profile(view_matrix)
             parts["accuracy"].append(rows.assign(family=family, view=view, problems=len(view_matrix)))
     return {
@@ -273,10 +274,13 @@ def _largest(values: pd.DataFrame) -> float:
 
 def _steps(values: pd.DataFrame, column: str, first: float, last: float) -> pd.DataFrame:
     """Return the empirical distribution function of each column, as corners of a staircase."""
-    parts = [pd.DataFrame({"solver": pd.Series([], dtype=str), column: pd.Series([], dtype=float), "share": 0.0})]
+    solvers: list[str] = []
+    all_corners, shares = [np.empty(0)], [np.empty(0)]
     for solver, own in values.items() if len(values) else ():
-        solved = np.sort(own.dropna().to_numpy())
+        solved = np.sort(own.dropna().to_numpy(dtype=np.float64))
         corners = np.unique(np.concatenate([[first], solved, [last]]))
-        share = np.searchsorted(solved, corners, side="right") / len(own)
-        parts.append(pd.DataFrame({"solver": str(solver), column: corners, "share": share}))
-    return pd.concat(parts, ignore_index=True)
+        solvers += [str(solver)] * len(corners)
+        all_corners.append(corners)
+        shares.append(np.searchsorted(solved, corners, side="right") / len(own))
+    columns = {column: np.concatenate(all_corners), "share": np.concatenate(shares)}
+    return pd.DataFrame({"solver": pd.Series(solvers, dtype=str), **columns})

@@ -29,7 +29,15 @@ def printable(value: Any) -> Any:
         return value if math.isfinite(value) else None
     if isinstance(value, dict):
         return {printable(key): printable(item) for key, item in value.items()}
-    return [printable(item) for item in value] if isinstance(value, list) else value
+    if isinstance(value, list):
+        return list(value) if _are_numbers(value) else [printable(item) for item in value]
+    return value
+
+
+def _are_numbers(values: list[Any]) -> bool:
+    """Return whether a list, such as a convergence curve, has only integers or only finite floats."""
+    kinds = set(map(type, values))
+    return kinds <= {int} or (kinds == {float} and all(map(math.isfinite, values)))
 
 
 def content_of(record: Record) -> dict[str, Any]:

@@ -19,6 +19,7 @@ median log t_a - median log t_b, with n the size of the smaller one. ``MIN_ROUND
 three rounds each, all rounds of one solver are slower than all rounds of the other by chance in 1 of 20 cases.
 """
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
@@ -56,8 +57,11 @@ SLOWER, EXCLUDED, ALONE = "slower", "excluded", "alone"
 STANDINGS = ("solver", "tolerance", "seconds", "ratio", "low", "high", "standing")
 """Columns of ``standings``."""
 
-_PASS_LEVELS, _ROUND_LEVELS = ["session", "number"], ["session", "number", "turn"]
-"""Levels of the index of times that identify a pass, and a round in it."""
+_ROUND_LEVELS = ["session", "number", "turn"]
+"""Levels of the index of times, which identify a round."""
+
+_PASS_LEVELS = 2
+"""Number of the first levels that identify a pass."""
 
 Times = dict[tuple[str, float], "pd.Series[float]"]
 """Logarithms of the times of one problem by solver and tolerance, indexed by session, number and turn."""
@@ -130,13 +134,22 @@ def ratio(times: "pd.Series[float]", others: "pd.Series[float]") -> Ratio:
         times: logarithms of the times of one solver on a problem, as in ``Times``.
         others: those of another solver on the same problem.
     """
-    for levels in (_PASS_LEVELS, _ROUND_LEVELS):
-        pairs = (times.groupby(level=levels).mean() - others.groupby(level=levels).mean()).dropna()
+    for n_levels in (_PASS_LEVELS, len(_ROUND_LEVELS)):
+        means, means_of_others = _means(times, n_levels), _means(others, n_levels)
+        pairs = np.array([means[key] - means_of_others[key] for key in sorted(means.keys() & means_of_others.keys())])
         if len(pairs) >= MIN_PAIRS:
-            return bootstrap_ratio(_array(pairs))
+            return bootstrap_ratio(pairs)
     if min(len(times), len(others)) >= MIN_ROUNDS:
         return bootstrap_ratio(_array(times), _array(others))
-    return bootstrap_ratio(_array(pairs))
+    return bootstrap_ratio(pairs)
+
+
+def _means(times: "pd.Series[float]", n_levels: int) -> dict[tuple[int, ...], float]:
+    """Return the mean of the times that agree in the first levels of their index, by the values of these levels."""
+    groups: dict[tuple[int, ...], list[float]] = {}
+    for key, value in zip(times.index.tolist(), times.tolist(), strict=True):
+        groups.setdefault(key[:n_levels], []).append(value)
+    return {key: math.fsum(values) / len(values) for key, values in groups.items()}
 
 
 def _array(values: "pd.Series[float]") -> FloatArray:

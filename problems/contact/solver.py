@@ -4,6 +4,7 @@
 separately. ``Prepared.solve`` iterates until the judge's residual reaches the tolerance, or reports why it does not.
 """
 
+import math
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -65,10 +66,10 @@ class Stop:
     reaches the tolerance nor fails therefore ends at the first of two limits. If both are infinite, it may never end.
 
     Attributes:
-        tolerance: the judge's residual to reach, dimensionless, positive.
+        tolerance: the judge's residual to reach, dimensionless, positive. It is stored as a float.
         max_iterations: largest number of iterations, a whole number or infinity. It is stored as an integer, infinity
             as ``sys.maxsize``.
-        max_seconds: largest wall time [s], without preparation and without the compilation of kernels.
+        max_seconds: largest wall time [s], without preparation and without the compilation of kernels, as a float.
 
     Raises:
         SolverError: if ``max_iterations`` is negative or has a fractional part, another attribute is not positive, or
@@ -94,10 +95,10 @@ class Stop:
         if limit < self.max_iterations < sys.maxsize:
             raise SolverError(f"`max_iterations` must be a whole number, got {self.max_iterations}.")
         object.__setattr__(self, "max_iterations", limit)
-        for name in ("tolerance", "max_seconds"):
+        for name in ("tolerance", "max_seconds"):  # a kernel would be compiled again for each type of number
             value = getattr(self, name)
-            if isinstance(value, int) and value > sys.float_info.max:
-                object.__setattr__(self, name, np.inf)
+            is_huge = isinstance(value, int) and value > sys.float_info.max
+            object.__setattr__(self, name, math.inf if is_huge else float(value))
         if not self.max_seconds > 0:
             raise SolverError(f"`max_seconds` must be positive, got {self.max_seconds:g}; choose one such as 60.")
 

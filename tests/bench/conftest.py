@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from blank_pictures import draw_blank_pictures
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import run
 from proxbench.bench.cli.main import run_command
@@ -65,6 +66,12 @@ def _measure(folder: Path) -> Path:
             solve_seconds=2.0,
             passes=1,
         ).folder
+
+
+@pytest.fixture
+def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Write blank pictures in place of charts, which takes no time."""
+    draw_blank_pictures(monkeypatch)
 
 
 @pytest.fixture

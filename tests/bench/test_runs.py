@@ -173,6 +173,7 @@ def test_a_problem_that_differs_from_the_library_problem_of_its_name_is_refused(
     assert made.info.carried == {}
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.slow
 def test_a_report_writes_what_it_names(finished: Run) -> None:
     made = finished.report()

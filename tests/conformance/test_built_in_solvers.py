@@ -1,8 +1,8 @@
 """Every built-in solver passes the checks that plugins must pass.
 
 Daily tests run all checks on ``SORprox``, the short ones on ``Robust``, and an eighth of the short ones on most other
-solvers. Slow tests run all checks on ``FIRST``, all short ones on most solvers, and an eighth of the others; the rest
-is weekly.
+solvers. Slow tests run all checks on ``FIRST``, half of the short ones on most solvers, and an eighth of the others;
+the rest is weekly.
 
 With PROXBENCH_PROFILE=full, each solver runs the checks with the limits of plugins. Otherwise, solves take fewer
 iterations, and only the default solver and ``SORprox`` solve hard cases of more than 100 rows.
@@ -116,6 +116,10 @@ FIRST = {"Robust", *DAILY}
 """Solvers that run all checks in slow tests: the default solver, and the one that runs all of them daily."""
 
 
+COMPILING = ("ColouredSORprox", "process")
+"""The solver and the check on the diagonal for which kernels are compiled for ten seconds."""
+
+
 def pairs() -> list[Any]:
     """Return each variant with each check, with the marks of its tier."""
     return [
@@ -125,9 +129,11 @@ def pairs() -> list[Any]:
 
 
 def marks_of(row: int, name: str, column: int, check: Check[Solver]) -> list[pytest.MarkDecorator]:
+    is_chosen = name in FIRST or is_on_diagonal(row, column)
     if not is_slow(name, check):
-        return [] if name in FIRST or is_on_diagonal(row, column) else [pytest.mark.slow]
-    return [pytest.mark.slow if name in FIRST or is_on_diagonal(row, column) else pytest.mark.weekly]
+        return [] if is_chosen else [pytest.mark.slow if is_on_diagonal(row, column, 2) else pytest.mark.weekly]
+    is_chosen &= (name, check.name) != COMPILING
+    return [pytest.mark.slow if is_chosen else pytest.mark.weekly]
 
 
 def is_slow(name: str, check: Check[Solver]) -> bool:

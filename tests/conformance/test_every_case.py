@@ -1,8 +1,8 @@
 """The checks that run on a few small problems also pass on each hard case.
 
 Daily tests run the solvers in ``WHOLE_ROW`` on one small case of each kind, and the others on a third of these cases,
-except for the solvers in ``FOR_COMPARISON``. Slow tests run ``FIRST`` on all of the smallest cases, and the other
-solvers on the rest of one case of each kind and on an eighth of all; weekly tests run the rest, and those in
+except for the solvers in ``FOR_COMPARISON``. Slow tests run ``WHOLE_ROW`` on all of the smallest cases, and the other
+solvers on another third of one case of each kind and on an eighth of all; weekly tests run the rest, and those in
 ``FOR_COMPARISON``. With PROXBENCH_PROFILE=full, all solvers run on all cases of at most 400 rows.
 """
 
@@ -80,13 +80,11 @@ DAILY = (
 """Cases with a mass ratio, redundant contacts, sliding in space, a cycle of sweeps, a fixed bound, and no solution."""
 
 WHOLE_ROW = {"Robust", "SORprox"}
-"""Solvers that daily tests run on all cases in ``DAILY``."""
+"""The default solver, and the one that users choose most often: daily tests run them on all cases in ``DAILY``, and
+slow tests on all small cases."""
 
 DAILY_STRIDE = 3
-"""One in so many of the cases in ``DAILY`` is daily for the other solvers."""
-
-FIRST = {"Robust", "SORprox", "NSGS"}
-"""Solvers that slow tests run on all small cases: the default solver, and the sweeps that users choose most often."""
+"""One in so many of the cases in ``DAILY`` is daily for the other solvers, and another one slow."""
 
 COMPARED = "hard-tresca-joint"
 """The case on which slow tests run the solvers in ``FOR_COMPARISON``."""
@@ -111,9 +109,11 @@ def marks_of(row: int, name: str, column: int, case: str) -> list[pytest.MarkDec
     if name in FOR_COMPARISON:
         return [pytest.mark.slow if case == COMPARED else pytest.mark.weekly]
     if case in DAILY:
-        is_daily = name in WHOLE_ROW or is_on_diagonal(row, DAILY.index(case), DAILY_STRIDE)
-        return [] if is_daily else [pytest.mark.slow]
-    is_first = name in FIRST and (name, case) != LONGEST
+        place = DAILY.index(case)
+        if name in WHOLE_ROW or is_on_diagonal(row, place, DAILY_STRIDE):
+            return []
+        return [pytest.mark.slow if is_on_diagonal(row, place + 1, DAILY_STRIDE) else pytest.mark.weekly]
+    is_first = name in WHOLE_ROW and (name, case) != LONGEST
     return [pytest.mark.slow if is_first or is_on_diagonal(row, column) else pytest.mark.weekly]
 
 

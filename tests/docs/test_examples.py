@@ -13,6 +13,7 @@ block.
 import doctest
 import io
 import math
+import os
 import re
 import shlex
 from collections.abc import Iterable, Iterator
@@ -22,8 +23,9 @@ from typing import Any
 from unittest import SkipTest
 
 import pytest
+from blank_pictures import draw_blank_pictures
 from proxbench.bench.cli.main import run_command
-from proxbench.bench.conformance import BRIEF_CHECKS
+from proxbench.bench.conformance import SOLVER_CHECKS
 from proxbench.problems.exchange.plugins.offers import forget, registered
 from sybil import Document, Example, Region
 from sybil.parsers.myst import CodeBlockParser, PythonCodeBlockParser, SkipParser
@@ -33,14 +35,16 @@ ROOT = Path(__file__).resolve().parents[2]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 MEASURED = re.compile(r"(?:≈ )?[\d.]+ (?:µs|ms|s(?= wall| per simulated second))\*?")
 ROUNDING = re.compile(r"\b\d(?:\.\d+)?e-(?:1[5-9]|[2-9]\d)\b")
+IS_FULL = os.environ.get("PROXBENCH_PROFILE") == "full"
 MAX_LINE_WIDTH = 96
 """Characters of code that fit on a page without scrolling."""
 
 
 @pytest.fixture(autouse=True)
 def _ignore_other_tests(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Exclude no rounds and add no notes on times, because other tests use the core."""
+    """Exclude no rounds and add no notes on times, because other tests use the core; draw no charts."""
     ignore_load(monkeypatch)
+    draw_blank_pictures(monkeypatch)
     monkeypatch.setattr("proxbench.bench.store.notes.EXPLAINED_RATIO", math.inf)
 
 
@@ -172,15 +176,33 @@ def with_mark(page: str) -> Any:
 def test_examples_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PROXBENCH_CACHE", str(tmp_path / "cache"))
+    if not IS_FULL:
+        monkeypatch.setattr("proxbench.bench.store.plans.PASSES", 1)  # the second pass prints the same lines
     run_page(ROOT / page)
 
 
+QUICKEST = (
+    "interface",
+    "pickling",
+    "process",
+    "finite",
+    "truthful",
+    "infeasible",
+    "no contacts",
+    "time limit",
+    "silent",
+)
+"""Checks of the solver of the guide for new solvers in slow tests; weekly tests run all of them."""
+
+
 @pytest.mark.slow
-def test_examples_of_the_guide_for_new_solvers_run_with_the_brief_checks(
+def test_examples_of_the_guide_for_new_solvers_run_with_the_quickest_checks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    checks = [check for check in SOLVER_CHECKS if check.name in QUICKEST]
+    assert len(checks) == len(QUICKEST)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": BRIEF_CHECKS})
+    monkeypatch.setattr("proxbench.bench.conformance.run.CHECKS", {"solver": checks})
     assert run_page(ROOT / "docs/how-to/add-a-solver.md") == 5
 
 

@@ -17,9 +17,12 @@ PLUGINS = Path(__file__).parents[1] / "bench" / "plugins"
 
 HEAD = """
 from functools import partial
+import pytest
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import resume, run
 from proxbench.bench.store.plans import Limits
+from times_under_load import ignore_load
+ignore_load(pytest.MonkeyPatch())
 results = {results!r}
 run = partial(run, results=results, run_id="it")
 """

@@ -75,15 +75,16 @@ def variants(column: int, names: Sequence[str] = VARIANTS, compiles: bool = Fals
     Args:
         column: number of the test.
         names: variants to which the test applies.
-        compiles: whether ``ColouredSORprox`` would compile kernels for seconds.
+        compiles: whether ``ColouredSORprox`` would compile kernels for seconds; it is then tested weekly.
     """
-    marks = [
-        ()
-        if name in WHOLE_ROW
-        or (is_on_diagonal(VARIANTS.index(name), column, STRIDE) and not (compiles and name == "ColouredSORprox"))
-        else pytest.mark.slow
-        for name in names
-    ]
+
+    def mark_of(name: str) -> Any:
+        if compiles and name == "ColouredSORprox":
+            return pytest.mark.weekly
+        is_daily = name in WHOLE_ROW or is_on_diagonal(VARIANTS.index(name), column, STRIDE)
+        return () if is_daily else pytest.mark.slow
+
+    marks = [mark_of(name) for name in names]
     return [pytest.param(name, marks=mark) for name, mark in zip(names, marks, strict=True)]
 
 
@@ -177,8 +178,20 @@ def test_solved_means_that_the_judge_of_its_own_model_agrees(name: str, dim: int
             assert judge(problem, solution.impulses, solver.model).residual <= 1.01 * tolerance
 
 
-@pytest.mark.parametrize("name", variants(18))
-@pytest.mark.parametrize(("mass", "speed"), [(570, 0), (-570, 0), (0, 570), (0, -570), (300, 300), (-300, -300)])
+EXTREME_UNITS = [(570, 0), (-570, 0), (0, 570), (0, -570), (300, 300), (-300, -300)]
+"""Exponents of two of units of mass and speed."""
+
+
+def variants_in_extreme_units() -> list[Any]:
+    """Return variants with units; of those that are not daily, two of six are slow, and the others weekly."""
+    return [
+        pytest.param(name, *units, marks=[*marks, *([pytest.mark.weekly] if marks and (row + column) % 3 else [])])
+        for row, (name, marks) in enumerate((*one.values, one.marks) for one in variants(18))
+        for column, units in enumerate(EXTREME_UNITS)
+    ]
+
+
+@pytest.mark.parametrize(("name", "mass", "speed"), variants_in_extreme_units())
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_no_claim_is_false_in_units_in_which_squares_leave_the_range_of_double_precision(
     name: str, mass: int, speed: int

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from proxbench.bench import load
+from proxbench.bench import Run, load
 from proxbench.bench.report.profiles import profile_tables
 from proxbench.bench.store.frames import RunFrames
 
@@ -18,8 +18,8 @@ def finished(finished_run: Path) -> RunFrames:
 
 
 @pytest.fixture(scope="session")
-def reference_run() -> RunFrames:
-    """A run of fifteen solvers on eight problems."""
+def reference_run() -> Run:
+    """A run of fifteen solvers on eight problems; tests change copies of its tables."""
     return load(REFERENCE)
 
 

@@ -22,8 +22,6 @@ from rich.console import Console
 from simulated_runs import solved_point, store_run
 from stored_cases import case_record, timed_round
 
-REFERENCE = Path(__file__).parents[3] / "results/reference.bundle"
-
 
 def points(*rows: tuple[float, float, str], status: str = "") -> pd.DataFrame:
     frame = pd.DataFrame(rows, columns=["residual", "total_seconds", "outcome"])
@@ -52,9 +50,9 @@ def test_solves_after_the_time_limit_are_not_ranked() -> None:
 
 
 @pytest.mark.slow
-def test_residuals_and_iterations_of_a_row_are_those_of_one_solve() -> None:
+def test_residuals_and_iterations_of_a_row_are_those_of_one_solve(reference_run: RunFrames) -> None:
     """A pyramid is solved more accurately by later solves, whose distance from Coulomb's law hardly changes."""
-    frames = load(REFERENCE)
+    frames = reference_run
     columns = ["problem", "solver", "residual", "model_residual", "iterations"]
     rows, points = results_table(frames)[columns].dropna(), frames.points[columns].dropna()
     assert len(rows) == len(rows.merge(points.drop_duplicates(), on=columns)) > 100

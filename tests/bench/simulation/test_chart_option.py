@@ -6,13 +6,15 @@ import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.report.charts import drawing
 
+pytestmark = pytest.mark.usefixtures("blank_pictures")
+
 FIXED = "simulate pile(balls=5) --duration 0.01 --stepper Moreau(step=1e-3) --no-progress"
 VARIABLE = "simulate woodpecker(start='cycle') --duration 0.005 --no-progress"
 both = pytest.mark.parametrize("line", [FIXED, VARIABLE], ids=["fixed", "variable"])
 
 
 @pytest.fixture
-def broken_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
+def broken_drawing(blank_pictures: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make every drawing fail."""
 
     def fail(specification: str) -> str:

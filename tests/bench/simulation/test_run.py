@@ -302,7 +302,7 @@ def test_memory_that_does_not_suffice_for_a_step_and_the_states_is_named_before_
 @pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"planar": True}])
 def test_a_settled_heap_has_the_rows_whose_memory_is_required_before_its_first_step(options: dict[str, object]) -> None:
-    plan = make_simulation_plan("pile", {"balls": 100, **options}, stepper="Moreau(step=1e-3)", duration=1.0)
+    plan = make_simulation_plan("pile", {"balls": 50, **options}, stepper="Moreau(step=2e-3)", duration=1.0)
     step = bare_rule(plan).step(simulate(plan).state)
     assert step.problem is not None
     assert step_bytes(plan.scene) <= BYTES_PER_ROW * step.problem.n_rows <= 2.0 * step_bytes(plan.scene)

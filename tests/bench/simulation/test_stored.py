@@ -15,6 +15,8 @@ from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Solution, Status, Stop, create
 
+pytestmark = pytest.mark.usefixtures("blank_pictures")
+
 FIXED = "simulate pile(balls=20) --duration 0.16 --stepper Moreau(step=1e-3) --no-progress --states 20"
 VARIABLE = "simulate woodpecker(start='cycle') --duration 0.02 --no-progress"
 SOLVERS = {FIXED: "MomentumFallback", VARIABLE: "SORprox"}

@@ -30,6 +30,7 @@ def test_the_woodpecker_prints_the_published_table_and_draws_its_figure(
     assert "step size [s]" in drawing
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.slow
 def test_json_option_prints_only_the_document(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert run_command(f"{TOY} --duration 0.01 --json --output {tmp_path}/toy.npz".split()) == 0
@@ -40,6 +41,7 @@ def test_json_option_prints_only_the_document(capsys: pytest.CaptureFixture[str]
     assert switch["begin"] < switch["time"] < switch["end"]
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.slow
 def test_a_stored_simulation_goes_on_with_a_longer_duration(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
@@ -48,6 +50,7 @@ def test_a_stored_simulation_goes_on_with_a_longer_duration(capsys: pytest.Captu
     assert read_simulation(file).state.time == pytest.approx(0.01)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.slow
 def test_balls_can_have_a_variable_step_too(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     stepper = "Extrapolated(tolerance=1e-4,min_step=1e-6)"
@@ -56,6 +59,7 @@ def test_balls_can_have_a_variable_step_too(capsys: pytest.CaptureFixture[str], 
     assert "unilateral" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.slow
 def test_a_fixed_step_is_taken_where_its_size_is_given(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert run_command(f"{TOY} --duration 0.01 --stepper Moreau(step=1e-4) --output {tmp_path}/toy.npz".split()) == 0
@@ -70,6 +74,7 @@ def test_the_figure_of_many_short_steps_is_drawn(capsys: pytest.CaptureFixture[s
     assert (tmp_path / "toy.png").is_file()
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.slow
 def test_a_fixed_step_is_not_resumed_with_a_variable_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"
@@ -115,6 +120,7 @@ def test_a_folder_that_is_no_run_is_not_resumed(name: str, capsys: pytest.Captur
     assert f"{name} is not a stored run (it has no run.json); name the folder of a run." in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("blank_pictures")
 @pytest.mark.slow
 def test_a_variable_step_is_not_resumed_with_a_fixed_one(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "toy.npz"

@@ -19,7 +19,7 @@ from proxbench.bench.store.ratios import (
     times_by_point,
 )
 
-RUNS = 1000
+RUNS = 500
 """Number of simulated runs; they give the share of intervals that contain a ratio to 0.01."""
 
 IS_FULL = os.environ.get("PROXBENCH_PROFILE") == "full"

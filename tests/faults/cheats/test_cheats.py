@@ -13,7 +13,7 @@ from proxbench.problems import load
 
 @pytest.mark.parametrize("is_randomised", [False, pytest.param(True, marks=pytest.mark.weekly)])
 def test_answers_that_differ_between_repeats_are_shown_unless_they_are_declared(is_randomised: bool) -> None:
-    case = measured(Jittering(is_randomised))
+    case = measured(Jittering(is_randomised), ladder=(1e-2, 1e-6))
     point = case.points[-1]
     assert point.outcome is Outcome.SOLVED
     assert point.measured is not None

@@ -23,45 +23,46 @@ SOURCES = {
         "@njit(cache=True)\ndef scaled(x):\n    return FACTOR * square(x)\n"
     ),
 }
-CALL = """
-import sys
+CALLS = """
+import os
+from pathlib import Path
 import proxbench.problems
-proxbench.problems.__path__.insert(0, {folder!r})
-from proxbench.problems.caller import scaled
-print(scaled(2.0), sum(scaled.stats.cache_hits.values()))
+folder = Path({folder!r})
+proxbench.problems.__path__.insert(0, str(folder))
+for changed in {changes}:
+    for name, text in changed.items():
+        (folder / f"{{name}}.py").write_text(text)
+    os.utime(folder / "caller.py")
+    if os.fork() == 0:
+        from proxbench.problems.caller import scaled
+        print(scaled(2.0), sum(scaled.stats.cache_hits.values()), flush=True)
+        os._exit(0)
+    os.wait()
 """
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    for name, text in SOURCES.items():
-        (tmp_path / f"{name}.py").write_text(text)
-    return tmp_path
-
-
-def called_in_a_new_process(folder: Path, cache: str) -> tuple[float, int]:
-    """Return the result of the kernel in ``caller``, and how often it was in the cache."""
-    command = [sys.executable, "-c", CALL.format(folder=str(folder))]
-    environment = {**os.environ, "NUMBA_CACHE_DIR": cache, "NUMBA_DISABLE_JIT": "0", "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
-    value, hits = done.stdout.split()
-    return float(value), int(hits)
 
 
 @pytest.mark.slow
 def test_a_kernel_is_compiled_again_only_after_a_change_of_what_it_calls_or_of_a_number(
-    folder: Path, tmp_path_factory: pytest.TempPathFactory
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    cache = str(tmp_path_factory.mktemp("cache"))
-    assert called_in_a_new_process(folder, cache) == (12.0, 0)
-    os.utime(folder / "caller.py")
-    (folder / "numbers.py").write_text("FACTOR = 3.0\nOTHER = 2.0\n")
-    assert called_in_a_new_process(folder, cache) == (12.0, 1)
-    (folder / "called.py").write_text(SOURCES["called"].replace("x * x", "x + x + x"))
-    assert called_in_a_new_process(folder, cache) == (18.0, 0)
-    assert called_in_a_new_process(folder, cache) == (18.0, 1)
-    (folder / "numbers.py").write_text("FACTOR = 5.0\n")
-    assert called_in_a_new_process(folder, cache) == (30.0, 0)
+    """A new process imports the kernel after each change of its sources; ``hits`` counts its uses of the cache."""
+    changes: list[tuple[dict[str, str], float, int]] = [
+        (SOURCES, 12.0, 0),
+        ({"numbers": "FACTOR = 3.0\nOTHER = 2.0\n"}, 12.0, 1),
+        ({"called": SOURCES["called"].replace("x * x", "x + x + x")}, 18.0, 0),
+        ({}, 18.0, 1),
+        ({"numbers": "FACTOR = 5.0\n"}, 30.0, 0),
+    ]
+    code = CALLS.format(folder=str(tmp_path), changes=[changed for changed, _, _ in changes])
+    environment = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(tmp_path_factory.mktemp("cache")),
+        "NUMBA_DISABLE_JIT": "0",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    found = [(float(value), int(hits)) for value, hits in map(str.split, done.stdout.splitlines())]
+    assert found == [(value, hits) for _, value, hits in changes]
 
 
 def test_numba_tests_once_per_folder_whether_it_can_write_a_cache(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def test_velocity_agrees_with_the_known_answer(name: str) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=settings.default.max_examples // 3, deadline=None)
 @given(seed=SEEDS, friction=st.sampled_from([0.0, 0.3, 1.0]), spread=st.sampled_from([0, 6]))
 def test_planar_velocities_are_among_those_of_enumeration(seed: int, friction: float, spread: int) -> None:
     rng = np.random.default_rng(seed)

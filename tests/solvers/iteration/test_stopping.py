@@ -37,6 +37,13 @@ def test_time_limit_is_reported() -> None:
     assert status_of(Monitor(Stop(1e-3, max_seconds=1e-9)), 1, 0.5) is Status.TIME_LIMIT
 
 
+@pytest.mark.parametrize("one", [1, True, np.int64(1), np.float32(1.0)], ids=lambda one: type(one).__name__)
+def test_tolerance_and_time_of_any_type_are_stored_as_floats_for_which_kernels_are_compiled(one: float) -> None:
+    stop = Stop(one, max_seconds=one)
+    assert (type(stop.tolerance), type(stop.max_seconds)) == (float, float)
+    assert stop == Stop(1.0, max_seconds=1.0)
+
+
 def test_clock_excludes_compilation_time(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock(1.0)
     monkeypatch.setattr(COMPILATION, "seconds", COMPILATION.seconds + 100.0)

@@ -10,7 +10,7 @@ from proxbench.solvers import Status, Stop, create, solve
 
 
 @pytest.mark.slow
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=settings.default.max_examples // 2, deadline=None)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 4), friction=st.floats(0.0, 0.4))
 def test_the_solution_of_projected_gauss_seidel_is_enumerated(seed: int, n: int, friction: float) -> None:
     rng = np.random.default_rng(seed)

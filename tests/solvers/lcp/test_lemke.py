@@ -24,7 +24,7 @@ def speed_difference(problem: ContactProblem, one: np.ndarray, other: np.ndarray
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("most", [3, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("most", [3, pytest.param(5, marks=pytest.mark.weekly)])
 @settings(max_examples=60, deadline=None)
 @given(data=st.data(), seed=st.integers(0, 2**31), friction=st.floats(0.0, 1.5))
 def test_a_solution_of_lemke_is_among_those_of_enumeration(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, LawKind, Laws
 from proxbench.problems.contact.laws import ROWS_OF_KIND
@@ -67,7 +67,6 @@ def matrix_of(system: linearised.LinearSystem) -> np.ndarray:
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None)
 @given(seed=st.integers(0, 2**31), size=st.sampled_from([0.02, 0.1, 1.0]), dense=st.booleans())
 def test_linearisation_agrees_with_finite_differences(seed: int, size: float, dense: bool) -> None:
     impulses = np.random.default_rng(seed + 1).uniform(0.1, 1.0, size=N) * size

@@ -43,7 +43,7 @@ def lost(given: Any) -> Any:
 
 
 def measured(executor: Executor | None, results: Path, **options: Any) -> Run:
-    given: dict[str, Any] = {"tolerances": [1e-2, 1e-4], "passes": 1, "results": results, **options}
+    given: dict[str, Any] = {"tolerances": [1e-2], "passes": 1, "results": results, **options}
     return run(given.pop("problems", PROBLEMS), SOLVERS, executor=executor, **given)
 
 

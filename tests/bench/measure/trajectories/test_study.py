@@ -35,11 +35,11 @@ SLIDING: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def pour(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Return a study of thirty balls."""
+    """Return a study of fifteen balls."""
     return study(
-        "funnel(balls=30, outlet=3.0)",
+        "funnel(balls=15, outlet=3.0)",
         results=tmp_path_factory.mktemp("pour"),
-        duration=0.3,
+        duration=0.2,
         members=(0, 1),
         methods={"Moreau with SORprox": (8e-3, 4e-3), "SORprox in Moreau(step=8e-3)": (1e-4,)},
         tolerance=1e-4,

@@ -1,18 +1,15 @@
 """One call draws a problem, a profile or a convergence, or raises an error with the reason."""
 
 import json
-from pathlib import Path
 
 import pytest
-from proxbench.bench import load, plot_convergence
+from proxbench.bench import Run, plot_convergence
 from proxbench.bench.errors import BenchError
-
-REFERENCE = Path(__file__).parents[4] / "results/reference.bundle"
 
 
 @pytest.mark.slow
-def test_a_problem_is_drawn_by_name() -> None:
-    chart = json.loads(load(REFERENCE).plot("funnel-100").to_json())
+def test_a_problem_is_drawn_by_name(reference_run: Run) -> None:
+    chart = json.loads(reference_run.plot("funnel-100").to_json())
     assert chart["title"]["text"] == "funnel-100"
     assert len(chart["vconcat"]) >= 2
 
@@ -22,17 +19,16 @@ def test_a_problem_is_drawn_by_name() -> None:
     ("kind", "title"),
     [("performance", "Performance profile"), ("speedup", "Speed-up")],
 )
-def test_a_profile_is_drawn_by_kind(kind: str, title: str) -> None:
-    assert json.loads(load(REFERENCE).plot_profile(kind, "NSGS").to_json())["title"]["text"] == title
+def test_a_profile_is_drawn_by_kind(kind: str, title: str, reference_run: Run) -> None:
+    assert json.loads(reference_run.plot_profile(kind, "NSGS").to_json())["title"]["text"] == title
 
 
 @pytest.mark.slow
-def test_unknown_names_are_refused_with_the_nearest_one() -> None:
-    run = load(REFERENCE)
+def test_unknown_names_are_refused_with_the_nearest_one(reference_run: Run) -> None:
     with pytest.raises(BenchError, match="did you mean 'funnel-100'"):
-        run.plot("funel-100")
+        reference_run.plot("funel-100")
     with pytest.raises(BenchError, match="did you mean 'performance'"):
-        run.plot_profile("performence")
+        reference_run.plot_profile("performence")
 
 
 @pytest.mark.slow

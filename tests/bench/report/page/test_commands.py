@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -58,8 +59,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
             forget(file)
 
 
+@cache
+def reference_info() -> RunRecord:
+    return load(REFERENCE).info
+
+
 def record_of(plan: PlanRecord, solvers: Sequence[str]) -> RunRecord:
-    return msgspec.structs.replace(load(REFERENCE).info, plan=plan, plugins=plugin_uses(solvers, plan.problems))
+    return msgspec.structs.replace(reference_info(), plan=plan, plugins=plugin_uses(solvers, plan.problems))
 
 
 def planned_by(command: str, monkeypatch: pytest.MonkeyPatch) -> PlanRecord:

@@ -12,7 +12,6 @@ import msgspec
 import numpy as np
 import pandas as pd
 import pytest
-from proxbench.bench import load
 from proxbench.bench.errors import BenchError
 from proxbench.bench.report.accuracy import attempts
 from proxbench.bench.report.charts.profiles import write_profiles
@@ -22,8 +21,6 @@ from proxbench.bench.report.page.document import page_document
 from proxbench.bench.report.profiles import baseline_of
 from proxbench.bench.runs import Run
 from proxbench.bench.store.frames import RunFrames
-
-REFERENCE = Path(__file__).parents[4] / "results/reference.bundle"
 
 
 def enlarged(frames: RunFrames, problems: int, solvers: int) -> RunFrames:
@@ -55,8 +52,8 @@ def enlarged(frames: RunFrames, problems: int, solvers: int) -> RunFrames:
 
 
 @pytest.mark.slow
-def test_residuals_compare_with_accuracies_as_the_exact_ones() -> None:
-    frames = load(REFERENCE)
+def test_residuals_compare_with_accuracies_as_the_exact_ones(reference_run: Run) -> None:
+    frames = reference_run
     draw = np.random.default_rng(0)
     exact = 10.0 ** draw.integers(-10, 0, len(frames.points)) * (
         1.0 + draw.choice([-1e-12, 0.0, 1e-12], len(frames.points))
@@ -71,8 +68,8 @@ def test_residuals_compare_with_accuracies_as_the_exact_ones() -> None:
 
 
 @pytest.mark.slow
-def test_cases_have_the_times_claims_and_exclusions_of_the_tables() -> None:
-    frames = load(REFERENCE)
+def test_cases_have_the_times_claims_and_exclusions_of_the_tables(reference_run: Run) -> None:
+    frames = reference_run
     document = page_document(frames, "NSGS")
     table = attempts(frames, document["accuracies"]).set_index(["problem", "solver", "accuracy"])
     columns = (document["cases"][name] for name in ("problem", "solver", "supported", "seconds", "claimed", "excluded"))
@@ -87,8 +84,8 @@ def test_cases_have_the_times_claims_and_exclusions_of_the_tables() -> None:
 
 
 @pytest.mark.weekly
-def test_variables_of_the_environment_are_in_a_table_apart_from_versions() -> None:
-    frames = load(REFERENCE)
+def test_variables_of_the_environment_are_in_a_table_apart_from_versions(reference_run: Run) -> None:
+    frames = reference_run
     for settings, expected in (({"NUMBA_OPT": "1"}, [("NUMBA_OPT", "1")]), ({}, None)):
         machine = msgspec.structs.replace(frames.info.machine, settings=settings)
         document = page_document(replace(frames, info=msgspec.structs.replace(frames.info, machine=machine)), "NSGS")
@@ -98,8 +95,8 @@ def test_variables_of_the_environment_are_in_a_table_apart_from_versions() -> No
 
 
 @pytest.mark.slow
-def test_the_page_opens_a_problem_with_something_to_draw() -> None:
-    frames = load(REFERENCE)
+def test_the_page_opens_a_problem_with_something_to_draw(reference_run: Run) -> None:
+    frames = reference_run
     first = frames.info.plan.problems[0]
     assert page_document(frames, "NSGS")["open"] == first
     without = {
@@ -109,9 +106,9 @@ def test_the_page_opens_a_problem_with_something_to_draw() -> None:
 
 
 @pytest.fixture(scope="module")
-def quick() -> str:
+def quick(reference_run: Run) -> str:
     """The page of a quick run."""
-    return page(load(REFERENCE))
+    return page(reference_run)
 
 
 @pytest.mark.weekly
@@ -120,15 +117,15 @@ def test_the_page_of_a_quick_run_is_small(quick: str) -> None:
 
 
 @pytest.mark.weekly
-def test_the_page_of_many_problems_and_solvers_is_not_large() -> None:
-    frames = enlarged(load(REFERENCE), 250, 15)
+def test_the_page_of_many_problems_and_solvers_is_not_large(reference_run: Run) -> None:
+    frames = enlarged(reference_run, 250, 15)
     assert len(frames.cases) == 3750
     assert len(page(frames, "NSGS").encode()) < 8e6
 
 
 @pytest.mark.weekly
-def test_a_run_in_which_all_failed_has_a_page_and_charts(tmp_path: Path) -> None:
-    frames = load(REFERENCE)
+def test_a_run_in_which_all_failed_has_a_page_and_charts(reference_run: Run, tmp_path: Path) -> None:
+    frames = reference_run
     nothing = {name: getattr(frames, name).iloc[:0] for name in ("points", "rounds", "iterations")}
     failed = replace(frames, cases=frames.cases.assign(outcome="crashed", reason="signal 11", stderr="boom"), **nothing)
     document = page_document(failed, baseline_of(failed))
@@ -139,8 +136,8 @@ def test_a_run_in_which_all_failed_has_a_page_and_charts(tmp_path: Path) -> None
 
 
 @pytest.mark.weekly
-def test_a_run_of_one_solver_has_a_page_and_charts(tmp_path: Path) -> None:
-    frames = load(REFERENCE)
+def test_a_run_of_one_solver_has_a_page_and_charts(reference_run: Run, tmp_path: Path) -> None:
+    frames = reference_run
     tables = {name: getattr(frames, name) for name in ("cases", "points", "rounds", "iterations")}
     own = {name: table[table["solver"] == "NSGS"] for name, table in tables.items()}
     plan = msgspec.structs.replace(frames.info.plan, solvers=["NSGS"])
@@ -150,9 +147,10 @@ def test_a_run_of_one_solver_has_a_page_and_charts(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_stored_text_cannot_inject_html_elements() -> None:
-    frames = load(REFERENCE)
+def test_stored_text_cannot_inject_html_elements(reference_run: Run) -> None:
+    frames = reference_run
     hostile = "</script><script>alert(1)</script><!-- <img src=x onerror=alert(1)> & \u2028"
+    frames = replace(frames, cases=frames.cases.copy())
     frames.cases.loc[0, ["stderr", "reason", "family"]] = hostile
 
     class Tags(HTMLParser):
@@ -181,8 +179,8 @@ def test_the_page_refers_to_nothing_outside(quick: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_of_a_run_names_all_that_it_measured() -> None:
-    info = load(REFERENCE).info
+def test_the_command_of_a_run_names_all_that_it_measured(reference_run: Run) -> None:
+    info = reference_run.info
     words = shlex.split(repeat_command(info).replace("\\\n", ""))
     for option_name, names in (("--problem", info.plan.problems), ("--solver", info.plan.solvers)):
         assert [value for name, value in pairwise(words) if name == option_name] == names
@@ -196,16 +194,16 @@ def test_names_are_quoted_as_one_shell_word(name: str) -> None:
 
 
 @pytest.mark.weekly
-def test_a_study_has_no_page() -> None:
+def test_a_study_has_no_page(reference_run: Run) -> None:
     class Study(Run):
         is_study = property(lambda self: True)
 
     with pytest.raises(BenchError, match="study of simulations"):
-        Study(**vars(load(REFERENCE))).page()
+        Study(**vars(reference_run)).page()
 
 
 @pytest.mark.slow
-def test_a_page_is_written_into_the_folder_of_its_run_and_residual(tmp_path: Path) -> None:
-    frames = replace(load(REFERENCE), folder=tmp_path)
+def test_a_page_is_written_into_the_folder_of_its_run_and_residual(reference_run: Run, tmp_path: Path) -> None:
+    frames = replace(reference_run, folder=tmp_path)
     assert write_page(frames) == tmp_path / "report.html"
     assert write_page(frames.judged_by("local")) == tmp_path / "local/report.html"

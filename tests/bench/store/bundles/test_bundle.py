@@ -2,8 +2,6 @@
 
 import dataclasses
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from proxbench.bench import Run, bundle, rejudge
+from proxbench.bench import Run, bundle, merge, rejudge
 from proxbench.bench.errors import BenchError
 from proxbench.bench.store.bundles.bundle import Bundle, read_bundle, write_bundle
 from proxbench.bench.store.records import CaseRecord, RunRecord
@@ -158,8 +156,7 @@ def test_reading_and_judging_a_bundle_runs_no_plugin_that_it_names(honest: Bundl
     run = msgspec.to_builtins(honest.run)
     forged = msgspec.convert({**run, "plugins": [use]}, RunRecord)
     write_bundle(dataclasses.replace(honest, run=forged), tmp_path / "odd.bundle")
-    code = f"from proxbench.bench import merge, rejudge; assert not rejudge({str(tmp_path / 'odd.bundle')!r})"
-    code += f".disagreements; merge({str(tmp_path / 'odd.bundle')!r}, {str(tmp_path)!r}, 'merged')"
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path)
+    assert rejudge(tmp_path / "odd.bundle").disagreements == []
+    merge(tmp_path / "odd.bundle", results=tmp_path, run_id="merged")
     assert not sprung.exists()
     assert (tmp_path / "merged" / "run.json").is_file()

@@ -13,7 +13,7 @@ import pytest
 from handmade_fclib import Data, global_data, global_jointed_data, jointed_data, rolling_data, write_data
 from proxbench.problems import ContactProblem, ProblemError, load, read_fclib, write_fclib
 
-MUTATIONS = [50, pytest.param(1000 if os.environ.get("PROXBENCH_PROFILE") == "full" else 250, marks=pytest.mark.slow)]
+MUTATIONS = [50, pytest.param(1000 if os.environ.get("PROXBENCH_PROFILE") == "full" else 250, marks=pytest.mark.weekly)]
 """Numbers of damaged files; each number gives different damage."""
 METADATA = re.compile(rb"TREE|HEAP|SNOD|\x89HDF|\x01\x00.\x00\x01\x00\x00\x00", re.DOTALL)
 """Beginnings of the parts of a file's structure: signatures, and headers of data sets and groups."""

@@ -38,7 +38,7 @@ def heights(found: list[Step]) -> np.ndarray[Any, Any]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("restitution", [0.5, *(pytest.param(e, marks=pytest.mark.weekly) for e in (0.0, 1.0))])
 def test_a_pendulum_rebounds_from_its_limit_to_the_height_that_restitution_leaves(restitution: float) -> None:
     """Released at θ₀, it hits a limit at 0 with ω² ~ 1 − cos θ₀, and returns to θ₁: 1 − cos θ₁ = ε² (1 − cos θ₀)."""
     scene = Pendulum()
