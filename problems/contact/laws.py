@@ -287,7 +287,7 @@ class Laws(ReadOnlyRecord):
         if not isinstance(dim, int | np.integer) or dim not in (1, 2, 3):
             raise ProblemError(f"dim must be 1 (frictionless), 2 (planar) or 3 (spatial), got {dim!r}.")
         check_count("n_contacts", n_contacts)
-        mu = frozen(friction, np.float64, "friction")
+        mu = np.float64(friction) if type(friction) is float else frozen(friction, np.float64, "friction")
         if mu.ndim == 0 and 0.0 <= mu < np.inf:
             make = _some_equal_laws if n_contacts <= MANY_CONTACTS else _equal_laws
             make = _few_equal_laws if n_contacts <= FEW_CONTACTS else make

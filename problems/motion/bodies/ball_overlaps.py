@@ -41,6 +41,15 @@ def merge_contacts(
 
 
 @njit(cache=True)
+def lowest_gap(gaps):  # type: ignore[no-untyped-def]
+    """Return the lowest of several gaps, or 0 if all are positive."""
+    lowest = 0.0
+    for k in range(len(gaps)):
+        lowest = min(lowest, gaps[k])
+    return lowest
+
+
+@njit(cache=True)
 def is_deeper(near, centres, radii, tolerated):  # type: ignore[no-untyped-def]
     """Return whether a pair overlaps by more than ``tolerated``."""
     for k in range(len(near)):

@@ -32,7 +32,7 @@ from ...errors import ProblemError, error_text
 from ..bodies.system import ActiveContacts, StepAssembly, System
 from ..state import State
 from .position_projection import Projection, projected
-from .step import Step, StepError, check_finite
+from .step import Step, StepError, are_finite, check_finite
 
 
 class ContactSolver(Protocol):
@@ -106,7 +106,7 @@ class MidpointRule:
     def _end(self, midpoint: FloatArray, velocity: FloatArray) -> Projection:
         """Return q_E and u_E, projected if a depth is given."""
         position = self.system.move(midpoint, velocity, 0.5 * self.time_step)
-        if self.depth is None or not np.isfinite(position).all():  # callers report a motion that is not finite
+        if self.depth is None or not are_finite(position):  # callers report a motion that is not finite
             return Projection(position, velocity)
         return projected(self.system, position, velocity, self.depth)
 

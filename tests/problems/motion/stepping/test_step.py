@@ -7,7 +7,14 @@ import pytest
 from proxbench.problems.motion.scenes.inclines import BlockOnIncline
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
-from proxbench.problems.motion.stepping.step import LawStates, StepError, SwitchingPoint, check_finite, law_states
+from proxbench.problems.motion.stepping.step import (
+    LawStates,
+    StepError,
+    SwitchingPoint,
+    are_finite,
+    check_finite,
+    law_states,
+)
 from proxbench.solvers import Stop, create
 
 OPEN = LawStates()
@@ -118,3 +125,18 @@ def test_a_planar_slip_is_compared_beside_a_contact_that_becomes_spatial() -> No
     assert same.is_unchanged_since(before)
     assert not back.is_unchanged_since(before)
     assert [point.after for point in before.switches_since(back, 0.0, 1.0)] == ["slip"]
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 17, 1000])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_numbers_are_finite_if_each_of_them_is(count: int, value: float) -> None:
+    """The largest numbers are finite, and infinities of both signs do not cancel."""
+    numbers = np.full(count, np.finfo(np.float64).max)
+    assert are_finite(numbers)
+    for place in (0, count // 2, -1):
+        spoiled = numbers.copy()
+        spoiled[place] = value
+        assert not are_finite(spoiled)
+        spoiled[0] = -value
+        assert not are_finite(spoiled)
+    assert are_finite(np.zeros(0))
