@@ -5,6 +5,7 @@ or another negative result, 2 wrong usage, 130 interrupted.
 """
 
 import gc
+import os
 import sys
 from collections.abc import Callable
 from functools import cache
@@ -125,15 +126,19 @@ def main() -> None:
 
 def _postpone_collection() -> None:
     """Collect garbage only when ``OBJECTS_OF_IMPORTS`` objects exist, then as usual: imports create no garbage."""
-    thresholds = gc.get_threshold()
+    thresholds, is_postponed = gc.get_threshold(), gc.get_threshold()[0] > 0
 
-    def collect_as_usual(phase: str, _: dict[str, int]) -> None:
-        if phase == "stop":
-            gc.callbacks.remove(collect_as_usual)
+    def collect_as_usual(*_: object) -> None:
+        nonlocal is_postponed
+        if is_postponed:
             gc.set_threshold(*thresholds)
+        is_postponed = False
 
-    gc.callbacks.append(collect_as_usual)
-    gc.set_threshold(OBJECTS_OF_IMPORTS, *thresholds[1:])
+    if is_postponed:
+        gc.callbacks.append(collect_as_usual)  # it stays there: other callbacks may miss a call when one is removed
+        if sys.platform != "win32":
+            os.register_at_fork(after_in_child=collect_as_usual)
+        gc.set_threshold(OBJECTS_OF_IMPORTS, *thresholds[1:])
 
 
 def run_command(arguments: list[str]) -> int:

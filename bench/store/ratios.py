@@ -148,7 +148,8 @@ def _means(times: "pd.Series[float]", n_levels: int) -> dict[tuple[int, ...], fl
     """Return the mean of the times that agree in the first levels of their index, by the values of these levels."""
     groups: dict[tuple[int, ...], list[float]] = {}
     for key, value in zip(times.index.tolist(), times.tolist(), strict=True):
-        groups.setdefault(key[:n_levels], []).append(value)
+        if not math.isnan(value):
+            groups.setdefault(key[:n_levels], []).append(value)
     return {key: math.fsum(values) / len(values) for key, values in groups.items()}
 
 

@@ -85,6 +85,8 @@ class Stop:
         if not all(isinstance(value, Real) for value in values):
             shown = "{!r}, {!r} and {!r}".format(*values)
             raise SolverError(f"`tolerance`, `max_iterations` and `max_seconds` must be numbers, got {shown}.")
+        for name in ("tolerance", "max_seconds"):  # a kernel would be compiled again for each type of number
+            object.__setattr__(self, name, _nearest_float(getattr(self, name)))
         if not self.tolerance > 0:
             raise SolverError(f"`tolerance` must be positive, got {self.tolerance:g}; choose one such as 1e-6.")
         if not self.max_iterations >= 0:
@@ -95,12 +97,16 @@ class Stop:
         if limit < self.max_iterations < sys.maxsize:
             raise SolverError(f"`max_iterations` must be a whole number, got {self.max_iterations}.")
         object.__setattr__(self, "max_iterations", limit)
-        for name in ("tolerance", "max_seconds"):  # a kernel would be compiled again for each type of number
-            value = getattr(self, name)
-            is_huge = isinstance(value, int) and value > sys.float_info.max
-            object.__setattr__(self, name, math.inf if is_huge else float(value))
         if not self.max_seconds > 0:
             raise SolverError(f"`max_seconds` must be positive, got {self.max_seconds:g}; choose one such as 60.")
+
+
+def _nearest_float(number: float) -> float:
+    """Return a real number of any type as a float, infinite if it is too large."""
+    try:
+        return float(number)
+    except OverflowError:
+        return math.inf if number > 0 else -math.inf
 
 
 def check_limit_names(function: str, limits: Iterable[str]) -> None:

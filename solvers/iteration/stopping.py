@@ -144,7 +144,7 @@ class Monitor:
 
     @property
     def best_impulses(self) -> FloatArray | None:
-        """The iterate with the lowest residual, shape (n_rows,), not to be modified; None before the first residual."""
+        """The iterate with the lowest residual, shape (n_rows,), not to be modified; None before a finite residual."""
         if callable(self._best_impulses):
             self._best_impulses = self._best_impulses()
         return self._best_impulses

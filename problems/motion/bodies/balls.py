@@ -206,7 +206,7 @@ class BallSystem:
         """Return all overlaps, or None if no overlap is deeper than ``tolerated`` [m]."""
         centres = self.centres(position)
         on_surfaces, near = self._find_surface_contacts(centres), self._near_pairs.at(centres)
-        deepest = min((lowest_gap(gaps) for _, gaps, _ in on_surfaces), default=0.0)
+        deepest = min((lowest_gap(gaps) for _, gaps, _ in on_surfaces if len(gaps)), default=0.0)
         if not deepest < -tolerated and not is_deeper(near, centres, self.radii, tolerated):
             return None
         detected = merge_contacts(near, centres, self.radii, on_surfaces)

@@ -75,9 +75,14 @@ def check_finite(begin: State, end: State) -> None:
         raise StepError(f"{NOT_FINITE} after t = {begin.time:.9g} s.", begin)
 
 
+def are_finite(numbers: FloatArray) -> bool:
+    """Return whether all numbers are finite."""
+    return bool(_are_finite(np.ascontiguousarray(numbers, dtype=np.float64).reshape(-1)))
+
+
 @njit(cache=True, fastmath={"reassoc"}, error_model="numpy")
-def are_finite(numbers):  # type: ignore[no-untyped-def]
-    """Return whether all numbers are finite; the sum of their products with 0 is then 0, and otherwise NaN."""
+def _are_finite(numbers):  # type: ignore[no-untyped-def]
+    """Return whether the sum of the products with 0 is 0; it is NaN if a number is not finite."""
     total = 0.0
     for k in range(len(numbers)):
         total += 0.0 * numbers[k]

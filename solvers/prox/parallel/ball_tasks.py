@@ -14,8 +14,8 @@ from ...sweeps.batches.lanes import LANES, gather_moves, scatter_moves_but_idle
 
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def update_ball_batch(balls, batch, motion, impulses, change, beta, turn, moves, scratch):  # type: ignore[no-untyped-def]
-    """Update P, v and τ of the contacts of a batch; ``balls`` holds bodies, records, κ and normals."""
-    bodies, records, kappa, _ = balls
+    """Update P, v and τ of the contacts of a batch; ``balls`` holds bodies, records, κ, normals and μ."""
+    bodies, records, kappa, _, _ = balls
     lanes, first_lane = uint64(LANES), uint64(LANES) * uint64(batch)
     record, pair = uint64(ENTRIES_PER_RECORD) * first_lane, uint64(2) * first_lane
     gather_moves(bodies, pair, motion, moves)
@@ -27,7 +27,7 @@ def update_ball_batch(balls, batch, motion, impulses, change, beta, turn, moves,
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def write_ball_velocities(balls, batch, motion, moves, velocity):  # type: ignore[no-untyped-def]
     """Write ξ of a batch in the order of Λ."""
-    bodies, records, kappa, _ = balls
+    bodies, records, kappa, _, _ = balls
     lanes, first_lane = uint64(LANES), uint64(LANES) * uint64(batch)
     gather_moves(bodies, uint64(2) * first_lane, motion, moves)
     for lane in range(lanes):
@@ -40,5 +40,5 @@ def write_ball_velocities(balls, batch, motion, moves, velocity):  # type: ignor
 @njit(cache=True, fastmath={"contract"}, error_model="numpy", inline="always")
 def raise_to_violations(balls, batch, motion, impulses, weights, moves, scratch, largest):  # type: ignore[no-untyped-def]
     """Raise ``largest`` of each lane to the squared violations of a batch, or to NaN if one is NaN."""
-    bodies, records, kappa, _ = balls
+    bodies, records, kappa, _, _ = balls
     find_violations(bodies, records, kappa, impulses, motion, weights, uint64(batch), moves, scratch, largest)

@@ -56,7 +56,7 @@ class ColouredSweep:
     Attributes:
         layout: the padded blocks.
         piece_batches: the constant arguments of a sweep over pieces, see ``batch_arguments``; None over balls.
-        ball_batches: bodies, records, κ and normals of a sweep over balls, see ``BallSweep``; None over pieces.
+        ball_batches: bodies, records, κ, normals and μ of a sweep over balls, see ``BallSweep``; None over pieces.
         motion: maps Λ, shape (n_rows,), to v of all bodies with contacts and of the idle one, flat.
         slabs: the slabs of contacts.
         slots: position of each entry of padded Λ, or of the vectors P of balls, in the order of the batches.
@@ -87,7 +87,8 @@ class ColouredSweep:
             return ColouredSweep._over_pieces(problem, step_sizes, pairs, slabs, n_threads)
         renumbered = balls.renumbered(slabs.bodies, slabs.chunks)
         bodies, records, slots = renumbered.pack(problem, step_sizes, slabs.positions, slabs.n_batches)
-        data = bodies, records, balls.spin_ratio, balls.contacts.normals
+        contacts = balls.contacts.normals, problem.layout.friction_coefficient
+        data = bodies, records, balls.spin_ratio, *contacts
         return ColouredSweep(layout, None, data, renumbered.motion, slabs, slots, n_threads)
 
     @staticmethod
@@ -125,12 +126,12 @@ class ColouredIterates(MomentumState, SinglePassIterates):
 
     def __init__(self, sweep: ColouredSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         MomentumState.__init__(self, momentum, delay)
-        self._sweep = sweep
+        self._sweep, self._start = sweep, start.copy()
         self._scaled_velocity = sweep.motion(start)
         self._previous_velocity = aligned_copy(self._scaled_velocity)
         self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.slabs.n_batches))
         if sweep.ball_batches is not None:
-            write_impulses(sweep.ball_batches[-1], sweep.slots, start, self._impulses)
+            write_impulses(sweep.ball_batches[3], sweep.slots, start, self._impulses)
         elif start.any():
             self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
         n_pieces = -(-len(self._scaled_velocity) // PIECE_LENGTH) if momentum > 0.0 else 0
@@ -167,13 +168,15 @@ class ColouredIterates(MomentumState, SinglePassIterates):
 
     def impulses(self) -> FloatArray:
         """Return Λ over rows."""
+        if not self._sweeps:
+            return self._start.copy()
         if self._has_violations:
             return self._rows.copy()
         slots, balls = self._sweep.slots, self._sweep.ball_batches
         if balls is None:
             return self._sweep.layout.unpad(self._impulses[slots])
         rows = np.empty(len(slots))
-        write_rows(balls[-1], slots, self._impulses, 0, len(slots) // 3, rows)
+        write_rows(*balls[3:], slots, self._impulses, 0, len(slots) // 3, rows)
         return rows
 
     def relative_velocity(self) -> FloatArray:
@@ -193,7 +196,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
             self._has_violations = False
         if not self._has_violations:
             self._run(0, True)
-        return self._rows.copy(), ratio(float(np.sqrt(self._violations.max())), residual.scale)
+        return self.impulses(), ratio(float(np.sqrt(self._violations.max())), residual.scale)
 
     def _run(self, count: int, writes_violations: bool) -> None:
         self._n_completed[0] = 0
@@ -340,7 +343,7 @@ def _write_violations(  # type: ignore[no-untyped-def]
                 squares[slab] = largest_of_lanes(largest)
                 n_contacts, n_slabs = len(slots) // 3, len(squares)
                 begin, end = n_contacts * position // n_slabs, n_contacts * (position + 1) // n_slabs
-                write_rows(balls[3], slots, impulses, begin, end, rows)
+                write_rows(balls[3], balls[4], slots, impulses, begin, end, rows)
                 completed += 1
     return completed
 

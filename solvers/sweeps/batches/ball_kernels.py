@@ -56,9 +56,10 @@ def from_frame(normal, components):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath=False, error_model="numpy")
-def write_rows(normals, slots, impulses, begin, end, rows):  # type: ignore[no-untyped-def]
+def write_rows(normals, friction, slots, impulses, begin, end, rows):  # type: ignore[no-untyped-def]
     """Write Λ over the rows of the contacts from ``begin`` to ``end``, from P in the order of batches.
 
+    Rounding may bring friction beyond its bound; it is then projected, so that it is exactly zero for μ = 0.
     The components of P of contact k are the entries ``slots[3k]``, ``slots[3k + 1]`` and ``slots[3k + 2]``. Without the
     explicit ``fastmath``, numba would take that of the kernel that calls, and write other numbers for each.
     """
@@ -66,8 +67,10 @@ def write_rows(normals, slots, impulses, begin, end, rows):  # type: ignore[no-u
     for c in range(uint64(begin), uint64(end)):
         x, y, z = uint64(slots[three * c]), uint64(slots[three * c + one]), uint64(slots[three * c + two])
         normal = normals[c, 0], normals[c, 1], normals[c, 2]
-        components = in_frame(normal, (impulses[x], impulses[y], impulses[z]))
-        rows[three * c], rows[three * c + one], rows[three * c + two] = components
+        along_normal, first, second = in_frame(normal, (impulses[x], impulses[y], impulses[z]))
+        bound, squared = friction[c] * max(along_normal, 0.0), first * first + second * second
+        scale = bound / np.sqrt(squared) if squared > bound * bound else 1.0
+        rows[three * c], rows[three * c + one], rows[three * c + two] = along_normal, scale * first, scale * second
 
 
 @njit(cache=True)

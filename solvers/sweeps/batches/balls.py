@@ -39,6 +39,11 @@ EQUALITY_TOLERANCE = 1e-12
 """Relative difference up to which the κ of two balls, or two entries of M⁻¹, count as equal."""
 
 
+LENGTH_TOLERANCE = 1e-14
+"""Largest difference of the squared length of a normal from 1 for which normal and tangents are orthogonal to rounding.
+Sweeps that split vectors along n would otherwise have other residuals than W."""
+
+
 class Balls(NamedTuple):
     """The balls of a problem, from which the records of its contacts are created.
 
@@ -88,8 +93,8 @@ class Balls(NamedTuple):
 def balls_of(problem: ContactProblem) -> Balls | None:
     """Return the balls of a problem, or None.
 
-    The result is None unless the problem has factors, its contacts are spatial contacts of balls with Coulomb friction,
-    and the balls share κ.
+    The result is None unless the problem has factors, its contacts are spatial contacts of balls with Coulomb friction
+    and normals of unit length, and the balls share κ.
     """
     factors, layout = problem.factors, problem.layout
     if factors is None or not isinstance(factors.directions, Pieces):
@@ -100,7 +105,7 @@ def balls_of(problem: ContactProblem) -> Balls | None:
         return None
     if not layout.is_dense or not layout.bounds_are_own or layout.has_fixed_bounds:
         return None
-    if not factors.inverse_mass.is_diagonal:
+    if not factors.inverse_mass.is_diagonal or not _are_unit(contacts.normals):
         return None
     inverse_masses = np.zeros(pieces.n_chunks + 1)
     spin_ratio = float(
@@ -165,7 +170,7 @@ class BallIterates(MomentumState, WindowedIterates):
 
     def __init__(self, sweep: BallSweep, start: FloatArray, momentum: float, delay: float = 0.0) -> None:
         MomentumState.__init__(self, momentum, delay)
-        self._sweep, self._start = sweep, start
+        self._sweep, self._start = sweep, start.copy()
         self._impulses = np.zeros(3 * len(sweep.bodies) // 2)
         write_impulses(sweep.balls.contacts.normals, sweep.slots, start, self._impulses)
         self._motion = sweep.balls.motion(start)
@@ -229,8 +234,9 @@ class BallIterates(MomentumState, WindowedIterates):
 
     def _over_rows(self, impulses: FloatArray) -> FloatArray:
         """Return Λ over rows from P in the order of batches."""
-        normals, rows = self._sweep.balls.contacts.normals, np.empty(len(self._sweep.slots))
-        write_rows(normals, self._sweep.slots, impulses, 0, len(normals), rows)
+        sweep, rows = self._sweep, np.empty(len(self._sweep.slots))
+        contacts = sweep.balls.contacts.normals, sweep.layout.friction_coefficient
+        write_rows(*contacts, sweep.slots, impulses, 0, len(rows) // 3, rows)
         return rows
 
     def _use_residual(self, residual: Residual) -> None:
@@ -241,6 +247,17 @@ class BallIterates(MomentumState, WindowedIterates):
 def can_compare_squares(residual: Residual) -> bool:
     """Whether the residual is that of Coulomb's law, and squares of its velocities are in range."""
     return type(residual) is Residual and residual.unit == 1.0 and not residual.infeasible
+
+
+@njit(cache=True)
+def _are_unit(normals):  # type: ignore[no-untyped-def]
+    """Return whether the squared length of each normal is 1 up to ``LENGTH_TOLERANCE``; False if one is NaN."""
+    farthest = 0.0
+    for c in range(len(normals)):
+        squared = normals[c, 0] * normals[c, 0] + normals[c, 1] * normals[c, 1] + normals[c, 2] * normals[c, 2]
+        difference = abs(squared - 1.0)
+        farthest = difference if difference > farthest or difference != difference else farthest
+    return farthest <= LENGTH_TOLERANCE
 
 
 @njit(cache=True)

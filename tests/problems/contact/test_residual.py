@@ -92,16 +92,28 @@ def test_the_scale_of_a_contact_is_the_norm_of_its_free_velocity_at_any_size(siz
     assert Residual(problem).speeds == pytest.approx(size * np.array([1.0, 5.0]), rel=1e-15)
 
 
+SPATIAL, PLANAR_THAT_ROLL, ROLLING_ONLY = ((3, 0), (2, 1), (1, 2))
+"""Rows of a contact without rolling friction, and rows of its rolling friction; each contact has three rows."""
+
+
+@pytest.mark.parametrize("rows", [SPATIAL, PLANAR_THAT_ROLL, ROLLING_ONLY])
+@pytest.mark.parametrize("share", [0.0, 1.0])
 @pytest.mark.parametrize("size", [1e-150, 1.0, 1e150])
-def test_scales_of_spatial_contacts_are_those_beside_other_laws(size: float) -> None:
-    """Problems of spatial contacts alone have a loop of their own; a joint beside them makes the general one run."""
+def test_scales_of_contacts_of_three_rows_are_those_beside_other_laws(
+    size: float, share: float, rows: tuple[int, int]
+) -> None:
+    """Problems of spatial contacts alone have a loop of their own; a joint beside them makes the general one run.
+
+    For ``share`` 0, the impulses of the first contact change no velocity.
+    """
     rng = np.random.default_rng(4)
     for n_contacts in (1, 2, 7):
         root = rng.normal(size=(9, 3 * n_contacts))
-        root[:, :3] *= rng.integers(0, 2)  # with and without a contact whose impulses change no velocity
+        root[:, :3] *= share
         matrix = np.kron(np.eye(2), root.T @ root)  # two components
         free_velocity = size * rng.normal(size=6 * n_contacts) * np.repeat([1.0, 0.1], 3 * n_contacts)
-        laws = Laws.contacts(0.3, 3, 2 * n_contacts)
+        laws = Laws.contacts(0.3, rows[0], 2 * n_contacts)
+        laws = laws.with_rolling(0.1, rows[1]) if rows[1] else laws
         alone = Residual(ContactProblem.from_delassus(matrix, free_velocity, laws=laws))
         beside = Laws.concatenate([laws, Laws.joints(1)])
         larger = np.block([[matrix, np.zeros((len(matrix), 1))], [np.zeros((1, len(matrix))), np.ones((1, 1))]])

@@ -1,6 +1,8 @@
 """Stopping criteria are valid numbers, and every solver can count to the iteration limit."""
 
 import sys
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,3 +34,16 @@ def test_solvers_accept_an_iteration_limit_that_was_given_as_a_float(solver: str
     matrix = np.eye(6) + 0.2
     problem = ContactProblem.from_delassus(matrix, [-1.0, 0.4, 0.2, -0.5, 0.1, 0.3], 0.5)
     assert create(solver).prepare(problem).solve(Stop(1e-6, limit, 20.0)).status is Status.SOLVED
+
+
+@pytest.mark.parametrize("huge", [10**400, Fraction(10**400), np.longdouble("1e400")])
+def test_a_number_too_large_for_a_float_counts_as_infinite(huge: Any) -> None:
+    assert Stop(huge, max_seconds=huge) == Stop(np.inf, max_seconds=np.inf)
+    for options in ({"tolerance": -huge}, {"max_seconds": -huge}):
+        with pytest.raises(SolverError, match="must be positive, got -inf"):
+            Stop(**options)
+
+
+def test_a_tolerance_too_small_for_a_float_counts_as_zero() -> None:
+    with pytest.raises(SolverError, match="`tolerance` must be positive, got 0"):
+        Stop(Fraction(1, 10**400))

@@ -207,6 +207,16 @@ def test_the_residual_of_a_window_is_that_of_its_impulses(
     assert found > 0.0
 
 
+@pytest.mark.parametrize("name", ["funnel-300", "balls"])
+@pytest.mark.parametrize("solver", ["SORprox(form='factors')", "ColouredSORprox"])
+def test_a_start_that_solves_the_problem_is_returned_unchanged(solver: str, name: str) -> None:
+    problem = problem_of(name)
+    solved = create("Robust").prepare(problem).solve(Stop(1e-8))
+    again = create(solver).prepare(problem).solve(Stop(1e-6), solved.impulses)
+    assert again.iterations == 0
+    assert np.array_equal(again.impulses, solved.impulses)
+
+
 def test_an_impulse_that_is_not_a_number_has_no_finite_residual() -> None:
     problem = problem_of("balls")
     sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.0), 1)

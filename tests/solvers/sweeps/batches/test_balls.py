@@ -85,6 +85,32 @@ def test_contacts_with_a_fixed_bound_of_friction_are_not_swept_from_records() ->
     assert BallSweep.over(problem, diagonal_step_sizes(problem, 1.0)) is None
 
 
+@pytest.mark.parametrize("factor", [1.0 + 1e-9, 1.0 - 1e-6, np.nan])
+def test_contacts_whose_normals_are_not_of_unit_length_are_not_swept_from_records(factor: float) -> None:
+    """Their tangents are not orthogonal to them, so that W is not the product with vectors in space."""
+    problem = heap(1)
+    assert problem.factors is not None
+    given = problem.factors.directions
+    assert isinstance(given, BallContacts)
+    normals = given.normals.copy()
+    normals[7] *= factor
+    factors = replace(problem.factors, directions=BallContacts(given.chunks, normals, given.radii))
+    problem = ContactProblem(problem.free_velocity, problem.laws, factors=factors)
+    assert BallSweep.over(problem, np.ones((problem.n_contacts, 2))) is None
+
+
+@pytest.mark.parametrize("solver", ["SORprox(form='factors')", "ColouredSORprox"])
+@pytest.mark.parametrize("friction", [0.0, 1e-14, 0.3])
+def test_friction_of_balls_does_not_exceed_its_bound(solver: str, friction: float) -> None:
+    """Impulses that are stored as vectors in space have a rounding error in each direction."""
+    problem = heap(3)
+    laws = Laws.contacts(friction, 3, problem.n_contacts)
+    problem = ContactProblem(problem.free_velocity, laws, factors=problem.factors)
+    for stop in (Stop(1e-300, 7), Stop(1e-6)):
+        normal, *tangential = create(solver).prepare(problem).solve(stop).impulses.reshape(-1, 3).T
+        assert (np.hypot(*tangential) <= friction * normal * (1.0 + 1e-15)).all()
+
+
 @pytest.mark.parametrize("form", ["delassus", "factors"])
 def test_balls_of_unlike_inertia_are_swept_over_pieces_to_the_same_solution(form: str) -> None:
     """A hollow ball among solid ones has another κ, which records do not contain."""
@@ -120,7 +146,11 @@ def test_impulses_survive_the_change_to_vectors_in_space(tilt: float) -> None:
     assert isinstance(iterates, BallIterates)
     assert np.array_equal(iterates.impulses(), start)  # without a sweep
     rows = np.full(len(start), np.nan)
-    write_rows(normals, iterates._sweep.slots, iterates._impulses, 0, len(normals), rows)
+    no_bound = np.full(len(normals), np.finfo(float).max)
+    start[::3] = np.abs(start[::3])  # otherwise, the bound is zero
+    iterates = create("SORprox", form="factors").prepare(problem).begin(start)
+    assert isinstance(iterates, BallIterates)
+    write_rows(normals, no_bound, iterates._sweep.slots, iterates._impulses, 0, len(normals), rows)
     assert np.abs(rows - start).max() <= 1e-15 * np.abs(start).max()
     velocity = problem.relative_velocity(start)
     assert np.abs(iterates.relative_velocity() - velocity).max() <= 1e-13 * np.abs(velocity).max()
