@@ -175,8 +175,8 @@ class ColouredIterates(MomentumState, SinglePassIterates):
         slots, balls = self._sweep.slots, self._sweep.ball_batches
         if balls is None:
             return self._sweep.layout.unpad(self._impulses[slots])
-        rows = np.empty(len(slots))
-        write_rows(*balls[3:], slots, self._impulses, 0, len(slots) // 3, rows)
+        normals, friction, rows = balls[3], balls[4], np.empty(len(slots))
+        write_rows(normals, friction, slots, self._impulses, 0, len(slots) // 3, rows)
         return rows
 
     def relative_velocity(self) -> FloatArray:
