@@ -293,7 +293,7 @@ def _write_scales(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _write_scales_of_contacts(diagonal, free_velocity, component, law_values):  # type: ignore[no-untyped-def]
-    """Do the work of ``write_scales_and_ratios`` for spatial contacts, if all α > 0; return whether they are, and ℓ‖c‖.
+    """Do the work of ``write_scales_and_ratios`` for spatial contacts if all α > 0; return whether so, and max ‖c‖.
 
     Each contact then has a unilateral law of one row and a friction law of two rows.
     """

@@ -69,7 +69,8 @@ class Stop:
         tolerance: the judge's residual to reach, dimensionless, positive. It is stored as a float.
         max_iterations: largest number of iterations, a whole number or infinity. It is stored as an integer, infinity
             as ``sys.maxsize``.
-        max_seconds: largest wall time [s], without preparation and without the compilation of kernels, as a float.
+        max_seconds: largest wall time [s], without preparation and without the compilation of kernels. It is stored as
+            a float.
 
     Raises:
         SolverError: if ``max_iterations`` is negative or has a fractional part, another attribute is not positive, or

@@ -102,7 +102,7 @@ SPATIAL, PLANAR_THAT_ROLL, ROLLING_ONLY = ((3, 0), (2, 1), (1, 2))
 def test_scales_of_contacts_of_three_rows_are_those_beside_other_laws(
     size: float, share: float, rows: tuple[int, int]
 ) -> None:
-    """Problems of spatial contacts alone have a loop of their own; a joint beside them makes the general one run.
+    """A separate loop scales problems that have spatial contacts only. With an additional joint, the general loop does.
 
     For ``share`` 0, the impulses of the first contact change no velocity.
     """

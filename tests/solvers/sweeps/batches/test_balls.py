@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws
+from proxbench.problems.arrays import FloatArray
 from proxbench.problems.contact.matrices.ball_contacts import BallContacts
 from proxbench.problems.contact.matrices.factors import Factors, InverseMass
 from proxbench.problems.contact.matrices.pieces import Pieces
@@ -37,11 +38,24 @@ def heap(seed: int, n_balls: int = 150, spin_ratio: float = 2.5) -> ContactProbl
     return ContactProblem(rng.normal(size=3 * n_contacts), laws, factors=Factors(contacts, inverse))
 
 
+def contacts_of(problem: ContactProblem) -> BallContacts:
+    assert problem.factors is not None
+    contacts = problem.factors.directions
+    assert isinstance(contacts, BallContacts)
+    return contacts
+
+
+def with_normals(problem: ContactProblem, normals: FloatArray) -> ContactProblem:
+    given = contacts_of(problem)
+    assert problem.factors is not None
+    factors = replace(problem.factors, directions=BallContacts(given.chunks, normals, given.radii))
+    return ContactProblem(problem.free_velocity, problem.laws, factors=factors)
+
+
 def over_pieces(problem: ContactProblem) -> ContactProblem:
     """The same problem without records."""
+    given = contacts_of(problem)
     assert problem.factors is not None
-    given = problem.factors.directions
-    assert isinstance(given, BallContacts)
     pieces = Pieces(given.starts, given.chunks, given.values, given.n_chunks)
     return ContactProblem(problem.free_velocity, problem.laws, factors=replace(problem.factors, directions=pieces))
 
@@ -89,13 +103,9 @@ def test_contacts_with_a_fixed_bound_of_friction_are_not_swept_from_records() ->
 def test_contacts_whose_normals_are_not_of_unit_length_are_not_swept_from_records(factor: float) -> None:
     """Their tangents are not orthogonal to them, so that W is not the product with vectors in space."""
     problem = heap(1)
-    assert problem.factors is not None
-    given = problem.factors.directions
-    assert isinstance(given, BallContacts)
-    normals = given.normals.copy()
+    normals = contacts_of(problem).normals.copy()
     normals[7] *= factor
-    factors = replace(problem.factors, directions=BallContacts(given.chunks, normals, given.radii))
-    problem = ContactProblem(problem.free_velocity, problem.laws, factors=factors)
+    problem = with_normals(problem, normals)
     assert BallSweep.over(problem, np.ones((problem.n_contacts, 2))) is None
 
 
@@ -131,16 +141,12 @@ def test_balls_of_unlike_inertia_are_swept_over_pieces_to_the_same_solution(form
 def test_impulses_survive_the_change_to_vectors_in_space(tilt: float) -> None:
     """Sweeps use P = Λ_N n + Λ_T1 T1 + Λ_T2 T2; the tangents are discontinuous for horizontal normals."""
     problem = heap(6)
-    assert problem.factors is not None
-    given = problem.factors.directions
-    assert isinstance(given, BallContacts)
-    normals = given.normals.copy()
+    normals = contacts_of(problem).normals.copy()
     normals[::3] = [-1.0, 0.0, 0.0]
     normals[1::3] = [0.0, 0.0, -1.0]
     normals[:, 2] += tilt * (normals[:, 2] == 0.0)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    factors = replace(problem.factors, directions=BallContacts(given.chunks, normals, given.radii))
-    problem = ContactProblem(problem.free_velocity, problem.laws, factors=factors)
+    problem = with_normals(problem, normals)
     start = np.random.default_rng(7).normal(size=problem.n_rows)
     iterates = create("SORprox", form="factors").prepare(problem).begin(start)
     assert isinstance(iterates, BallIterates)
