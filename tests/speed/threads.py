@@ -66,7 +66,8 @@ def stream(records, bodies, impulses, change):  # type: ignore[no-untyped-def]
 
 def streamed(sweep: ColouredSweep) -> Callable[[int], Any]:
     """Return a function that streams the bytes of a number of sweeps."""
-    bodies, records, _ = sweep.ball_batches or (*sweep.piece_batches[1:], None)
+    balls = sweep.ball_batches
+    bodies, records = sweep.piece_batches[1:3] if balls is None else (balls.bodies, balls.records)
     impulses, change = np.zeros((2, 3 * len(bodies) // 2))
 
     def run(count: int) -> None:

@@ -33,7 +33,7 @@ from ...sweeps.batches.lanes import BALL_LENGTH, LANES, aligned_copy
 from ...sweeps.batches.pieces import Batches, batch_arguments, slots_in_batches
 from ...sweeps.factors import own_coupling
 from .atomic import add, swap_if_equal, wait_for
-from .ball_tasks import raise_to_violations, update_ball_batch, write_ball_velocities
+from .ball_tasks import BallBatches, raise_to_violations, update_ball_batch, write_ball_velocities
 from .pairs import in_pairs
 from .piece_tasks import update_pieces, write_piece_velocities
 from .slabs import Slabs, divide_into_slabs
@@ -56,7 +56,7 @@ class ColouredSweep:
     Attributes:
         layout: the padded blocks.
         piece_batches: the constant arguments of a sweep over pieces, see ``batch_arguments``; None over balls.
-        ball_batches: bodies, records, κ, normals and μ of a sweep over balls, see ``BallSweep``; None over pieces.
+        ball_batches: the constant data of a sweep over balls; None over pieces.
         motion: maps Λ, shape (n_rows,), to v of all bodies with contacts and of the idle one, flat.
         slabs: the slabs of contacts.
         slots: position of each entry of padded Λ, or of the vectors P of balls, in the order of the batches.
@@ -65,7 +65,7 @@ class ColouredSweep:
 
     layout: BlockLayout
     piece_batches: tuple[Any, ...] | None
-    ball_batches: tuple[Any, ...] | None
+    ball_batches: BallBatches | None
     motion: Callable[[FloatArray], FloatArray]
     slabs: Slabs
     slots: IntArray
@@ -87,8 +87,8 @@ class ColouredSweep:
             return ColouredSweep._over_pieces(problem, step_sizes, pairs, slabs, n_threads)
         renumbered = balls.renumbered(slabs.bodies, slabs.chunks)
         bodies, records, slots = renumbered.pack(problem, step_sizes, slabs.positions, slabs.n_batches)
-        contacts = balls.contacts.normals, problem.layout.friction_coefficient
-        data = bodies, records, balls.spin_ratio, *contacts
+        contacts = balls.contacts.normals, layout.friction_coefficient
+        data = BallBatches(bodies, records, balls.spin_ratio, *contacts)
         return ColouredSweep(layout, None, data, renumbered.motion, slabs, slots, n_threads)
 
     @staticmethod
@@ -131,7 +131,7 @@ class ColouredIterates(MomentumState, SinglePassIterates):
         self._previous_velocity = aligned_copy(self._scaled_velocity)
         self._impulses, self._change, self._velocity = np.zeros((3, 3 * LANES * sweep.slabs.n_batches))
         if sweep.ball_batches is not None:
-            write_impulses(sweep.ball_batches[3], sweep.slots, start, self._impulses)
+            write_impulses(sweep.ball_batches.normals, sweep.slots, start, self._impulses)
         elif start.any():
             self._impulses[sweep.slots] = sweep.layout.pad(start).reshape(-1)
         n_pieces = -(-len(self._scaled_velocity) // PIECE_LENGTH) if momentum > 0.0 else 0
@@ -175,8 +175,8 @@ class ColouredIterates(MomentumState, SinglePassIterates):
         slots, balls = self._sweep.slots, self._sweep.ball_batches
         if balls is None:
             return self._sweep.layout.unpad(self._impulses[slots])
-        normals, friction, rows = balls[3], balls[4], np.empty(len(slots))
-        write_rows(normals, friction, slots, self._impulses, 0, len(slots) // 3, rows)
+        rows = np.empty(len(slots))
+        write_rows(balls.normals, balls.friction, slots, self._impulses, 0, len(slots) // 3, rows)
         return rows
 
     def relative_velocity(self) -> FloatArray:
@@ -343,7 +343,7 @@ def _write_violations(  # type: ignore[no-untyped-def]
                 squares[slab] = largest_of_lanes(largest)
                 n_contacts, n_slabs = len(slots) // 3, len(squares)
                 begin, end = n_contacts * position // n_slabs, n_contacts * (position + 1) // n_slabs
-                write_rows(balls[3], balls[4], slots, impulses, begin, end, rows)
+                write_rows(balls.normals, balls.friction, slots, impulses, begin, end, rows)
                 completed += 1
     return completed
 
