@@ -12,6 +12,7 @@ import rerun as rr
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solver, Stop
+from ...problems.representation import counted
 from ..errors import BenchError
 from ..plugins.descriptions import solver_spec
 from ..plugins.problems import problem_of_run
@@ -36,6 +37,9 @@ FIRST_POINTS = {"residual": 0, "complementarity": 1, "step_change": 1}
 
 ARROW_SIZES = 3.0
 """Length of the arrow, in body sizes, for the 90 % quantile of the impulses of closed contacts."""
+
+NO_ARROWS = "No arrow is drawn, because the last iterates are zero."
+"""Sentence in place of the scale of the arrows."""
 
 MAX_ARROW_LENGTH = 3.0
 """Bound of arrow lengths relative to ``ARROW_SIZES``, so that diverging solvers do not hide others."""
@@ -264,13 +268,13 @@ def _arrows(contact_points: ContactPoints, lanes: FloatArray, scale: float) -> F
 
 
 def _reference_impulse(traces: Sequence[Trace]) -> float:
-    """Return the 90 % quantile of the impulses [N s] of the most accurate last iterate; 0 if there is none."""
-    finite_traces = [trace for trace in traces if trace.impulses and np.isfinite(trace.impulses[-1]).all()]
-    if not finite_traces:
+    """Return the 90 % quantile of the impulses [N s] of the most accurate last iterate that is not zero, or 0."""
+    last = [(trace.residual[-1], np.linalg.norm(trace.impulses[-1], axis=1)) for trace in traces if trace.impulses]
+    candidates = [(residual, lengths) for residual, lengths in last if np.isfinite(lengths).all() and lengths.any()]
+    if not candidates:
         return 0.0
-    best = min(finite_traces, key=lambda trace: trace.residual[-1])
-    lengths = np.linalg.norm(best.impulses[-1], axis=1)
-    return float(np.quantile(lengths[lengths > 0], 0.9)) if lengths.any() else 0.0
+    _, lengths = min(candidates, key=lambda candidate: candidate[0])
+    return float(np.quantile(lengths[lengths > 0], 0.9))
 
 
 def _camera(contact_points: ContactPoints) -> Camera:
@@ -282,11 +286,12 @@ def _camera(contact_points: ContactPoints) -> Camera:
 
 def _about(problem: ContactProblem, contact_points: ContactPoints, traces: Sequence[Trace], reference: float) -> str:
     """Return the explanation beside the curves, in Markdown."""
+    scale = f"An arrow as long as {ARROW_SIZES:g} bodies is {reference:.2g} N s." if reference else NO_ARROWS
     lines = [
-        f"**{problem.name}**: {problem.n_contacts} contacts, {problem.n_rows} rows.",
+        f"**{problem.name}**: {counted(problem.n_contacts, 'contact')}, {counted(problem.n_rows, 'row')}.",
         "",
         "Arrows are the impulses of the iterate; **teal** contacts stick, **orange** ones slip, **grey** ones are open."
-        f" An arrow as long as {ARROW_SIZES:g} bodies is {reference:.2g} N s.",
+        f" {scale}",
         "",
     ]
     for trace in traces:

@@ -112,6 +112,18 @@ def test_degenerate_and_mixed_problems_can_be_recorded(
         assert np.isfinite(list(read_back(made.file).curve(f"/curves/residual/{solver}").values())).all()
 
 
+@pytest.mark.parametrize(("velocity", "scale"), [(-1.0, "bodies is 1 N s."), (1.0, "the last iterates are zero")])
+def test_the_explanation_gives_the_scale_of_arrows_unless_there_are_none(
+    velocity: float, scale: str, tmp_path: Path, read_back: Callable[[Path], Any]
+) -> None:
+    """A mass of 1 kg that approaches at 1 m/s takes 1 N s; one that departs takes no impulse."""
+    problem = ContactProblem.from_delassus(np.eye(3), np.array([velocity, 0.0, 0.0]), 0.3)
+    made = record_solves(problem, [create("SORprox")], STOP, tmp_path / "a.rrd")
+    (about,) = read_back(made.file).static("/about", "TextDocument:text")
+    assert ": 1 contact, 3 rows." in about
+    assert scale in about
+
+
 def test_given_contact_points_are_used_and_must_fit(tmp_path: Path, read_back: Callable[[Path], Any]) -> None:
     problem = load("hard-sticking-box")
     made = record_solves(problem, [create("SORprox")], STOP, tmp_path / "a.rrd", contact_points=grid_contact_points(4))
