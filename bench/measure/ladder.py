@@ -32,6 +32,15 @@ MAX_PARALLEL_STARTS = 4
 INTERRUPT_SECONDS = 0.05
 """Interval at which starting cases are asked to end after an interrupt [s]."""
 
+MAX_DOUBTED_ROUNDS = 3
+"""Number of successive rounds with impossible processor times that prove misbehaviour.
+
+If a virtual machine is paused, its clocks may count the pause differently, which disturbs one round.
+"""
+
+CHANGED_CORES = "it changed the cores that its process may use"
+"""Reason of a case whose process is no longer pinned to its cores."""
+
 RoundResult = TypeVar("RoundResult")
 """The result of one round of a level."""
 
@@ -212,28 +221,47 @@ class LadderCase(ABC, Generic[RoundResult]):
     def _timed_round(
         self, kind: type[Timed], number: int, request: str, *arguments: Any
     ) -> tuple[Timed, Round, FloatArray] | None:
-        """Run round ``number`` between two probes of the core; return it with its record and numbers.
+        """Run round ``number`` between two probes of the core, again while its processor time is impossible.
 
-        The result is None if the case failed.
+        Return it with its record and numbers, or None if the case failed.
         """
-        if self._worker is None:
-            return None
-        process, probe, began = self._worker.process, self.core.probe(), time.monotonic()
-        answer = self._ask(request, *arguments)
-        if answer is None:
-            return None
-        try:
-            timed = kind.read(answer[0], time.monotonic() - began, self.is_built_in)
-            is_pinned, used = self.core.number is not None, timed.threads_used(self.threads)
-            if (is_pinned and timed.exceeds(self.threads)) or not self.core.has_pinned(process, self.threads):
-                raise Fault(Outcome.MISBEHAVED, "it changed the cores that its process may use")
-            if is_pinned and timed.exceeds(used):
-                raise Fault(Outcome.MISBEHAVED, f"it takes more processor time than {counted(used, 'thread')} could")
-        except Fault as fault:
-            self._fail(fault)
-            return None
-        probes, turn = (probe, self.core.probe()), (self.case_pass.session, self.case_pass.number, number)
-        return timed, timed.record(*turn, max(probes), self.core.is_steady(*probes)), answer[1]
+        doubt = ""
+        for _ in range(MAX_DOUBTED_ROUNDS):
+            if self._worker is None:
+                return None
+            process, used, probe = self._worker.process, self._worker.processor_seconds(), self.core.probe()
+            began = time.monotonic()
+            answer = self._ask(request, *arguments)
+            passed = time.monotonic() - began
+            if answer is None:
+                return None
+            try:
+                timed = kind.read(answer[0], passed, self.is_built_in)
+            except Fault as fault:
+                self._fail(fault)
+                return None
+            doubt = "" if self.core.has_pinned(process, self.threads) else CHANGED_CORES
+            if doubt:
+                break
+            probes, turn = (probe, self.core.probe()), (self.case_pass.session, self.case_pass.number, number)
+            record = timed.record(*turn, max(probes), self.core.is_steady(*probes))
+            doubt = self._doubt(timed, record, self._worker.processor_seconds() - used)
+            if not doubt:
+                return timed, record, answer[1]
+        self._fail(Fault(Outcome.MISBEHAVED, doubt))
+        return None
+
+    def _doubt(self, timed: TimedRound, record: Round, processor_seconds: float) -> str:
+        """Return a clause if the processor time of a round is impossible; empty if it is possible.
+
+        ``processor_seconds`` is that of the process and its descendants, as the system counts it [s].
+        """
+        used = timed.threads_used(self.threads)
+        if self.core.number is None or not timed.exceeds(used):
+            return ""
+        if timed.exceeds(self.threads):
+            return CHANGED_CORES
+        return f"it takes more processor time than {counted(used, 'thread')} could"
 
     def _update_costs(self) -> None:
         """Read the wall time and the peak memory of the process."""

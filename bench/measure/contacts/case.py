@@ -194,20 +194,22 @@ class Case(LadderCase[MeasuredRound]):
             start = self._starts.impulses(stop)
             if number == 0:
                 self._observe_again(stop, start)
-            processor_seconds = 0.0 if self._worker is None else self._worker.processor_seconds()
             result = self._timed_round(TimedRound, number, "round", stop, ROUND_SECONDS, start)
-            if result is None or self._worker is None:
+            if result is None:
                 return None
             timed, record, values = result
             self._threads_used = max(self._threads_used, timed.threads_used(self.threads))
-            processor_seconds = self._worker.processor_seconds() - processor_seconds
-            impulses = self._answers(timed, values)
-            if not record.excluded and (clock_fault := self._clock.fault(timed, processor_seconds)):
-                raise Fault(Outcome.MISBEHAVED, clock_fault)
+            return MeasuredRound(timed, record, self._answers(timed, values))
         except Fault as fault:
             self._fail(fault)
             return None
-        return MeasuredRound(timed, record, impulses)
+
+    def _doubt(self, timed: TimedRound, record: Round, processor_seconds: float) -> str:
+        """Return why the processor time of a round is impossible, or which part its own clock does not explain."""
+        doubt = super()._doubt(timed, record, processor_seconds)
+        if doubt or record.excluded:
+            return doubt
+        return self._clock.fault(timed, processor_seconds) or ""
 
     def _answers(self, timed: TimedRound, values: FloatArray) -> FloatArray:
         """Return the distinct answers of a round [N s], shape (n, n_rows).

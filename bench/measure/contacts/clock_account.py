@@ -7,7 +7,8 @@ the same core. The process of a case may use the processor time
     W ≤ (1 + SHARE) P + HARNESS_FACTOR N h + n ROUND_SECONDS + ALLOWANCE_SECONDS
 
 in the rounds that are not excluded. The excess is untimed work, unless a repeated measurement of h explains it: other
-programs slow down the harness as well.
+programs slow down the harness as well. A round with an excess is discarded and repeated; several in succession
+(``MAX_DOUBTED_ROUNDS``) prove misbehaviour.
 """
 
 from time import process_time
@@ -46,12 +47,13 @@ class ClockAccount:
         self._on_clock = self._processor_seconds = self._n_solves = self._n_rounds = self._harness = 0.0
 
     def fault(self, timed_round: TimedRound, processor_seconds: float) -> str | None:
-        """Add a round, and return a clause if the process worked more than its clock explains, else None.
+        """Add a round, or return a clause if the process worked more in it than its clock explains.
 
         Args:
             timed_round: a round that is not excluded.
             processor_seconds: processor time of the round, as the system counts it [s].
         """
+        before = self._n_solves, self._n_rounds, self._on_clock, self._processor_seconds
         self._n_solves += len(timed_round.totals)
         self._n_rounds += 1
         self._on_clock += float(np.maximum(timed_round.walls, timed_round.processor).sum())
@@ -61,10 +63,12 @@ class ClockAccount:
             self._harness = max(self._harness, _harness_seconds(self.problem))
         if self._processor_seconds <= self._explained():
             return None
-        return (
+        text = (
             f"its process worked for {self._processor_seconds:.3g} s in rounds, of which its own clock explains "
             f"{self._explained():.3g} s"
         )
+        self._n_solves, self._n_rounds, self._on_clock, self._processor_seconds = before
+        return text
 
     def _explained(self) -> float:
         """Return the processor time W that the process may use [s]."""

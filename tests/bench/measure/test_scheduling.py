@@ -55,6 +55,8 @@ def made(tmp_path_factory: pytest.TempPathFactory, events: list[Event]) -> Run:
 
 @pytest.mark.slow
 def test_every_solved_point_has_a_round_in_every_pass(made: Run) -> None:
+    failed = made.cases.query("outcome != 'measured'")
+    assert failed.empty, [*failed["reason"]]
     solved = made.points.query("outcome == 'solved'")
     assert len(solved) >= 7
     for row in solved.itertuples():

@@ -19,6 +19,7 @@ from proxbench.bench.measure.contacts.case import (
     ROUNDS,
     Case,
 )
+from proxbench.bench.measure.ladder import MAX_DOUBTED_ROUNDS
 from proxbench.bench.measure.measuring_core import MeasuringCore
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import Limits
@@ -262,16 +263,30 @@ def test_a_round_is_asked_for_at_its_tolerance_within_the_limits(monkeypatch: py
     assert arguments == (Stop(1e-4, Limits().max_iterations, Limits().solve_seconds), case_module.ROUND_SECONDS, None)
 
 
-@pytest.mark.parametrize(("waited", "outcome"), [(0.0, Outcome.MISBEHAVED), (10.0, Outcome.MEASURED)])
-def test_work_that_its_clock_does_not_count_is_misbehaviour_unless_the_round_is_excluded(
-    waited: float, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
+DISTURBED = [0.0, 10.0]
+"""Processor time before and after a round that takes ten seconds of it, and nanoseconds by its own clock [s]."""
+
+
+@pytest.mark.parametrize(
+    ("rounds", "waited", "outcome"),
+    [
+        (MAX_DOUBTED_ROUNDS, 0.0, Outcome.MISBEHAVED),
+        (MAX_DOUBTED_ROUNDS - 1, 0.0, Outcome.MEASURED),
+        (MAX_DOUBTED_ROUNDS, 10.0, Outcome.MEASURED),
+    ],
+)
+def test_work_that_its_clock_does_not_count_in_several_rounds_that_are_not_excluded_is_misbehaviour(
+    rounds: int, waited: float, outcome: Outcome, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its process uses ten seconds of processor time in a round that takes nanoseconds by its own clock."""
-    case = begun(monkeypatch, Scripted(answered(SOLUTION, waited=waited, involuntary=1), worked=[1.0, 11.0]))
-    case.measure(1e-4, 0)
+    process = Scripted(answered(SOLUTION, waited=waited, involuntary=1), worked=DISTURBED * rounds)
+    case = begun(monkeypatch, process)
+    found = case.measure(1e-4, 0)
     assert case.outcome is outcome
-    if outcome is Outcome.MISBEHAVED:
+    assert [request for request, _ in process.asked].count("round") == (1 if waited else MAX_DOUBTED_ROUNDS)
+    if found is None:
         assert case.record().reason.startswith("its process worked for 10 s in rounds")
+    else:
+        assert np.array_equal(found.impulses[0], SOLUTION)
 
 
 def test_what_a_misbehaving_solver_measured_is_discarded_and_what_it_printed_kept(

@@ -119,6 +119,7 @@ def test_work_beyond_the_clock_of_the_process_is_a_fault() -> None:
     fault = account.fault(of_one_solve(0.0), processor_seconds=ALLOWANCE_SECONDS + 0.1)
     assert fault is not None
     assert "s in rounds, of which its own clock explains 1.0" in fault
+    assert account.fault(of_one_solve(0.0), processor_seconds=ROUND_SECONDS) is None  # that round does not count
 
 
 @pytest.mark.parametrize(("rounds", "solves", "harness"), [(1, 1, 0.0), (10, 1, 0.0), (10, 4, 0.01), (3, 50, 0.001)])
