@@ -15,7 +15,7 @@ Components of the graph that share no contact get separate levels, one component
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, uint64
 
 from ....problems.arrays import IntArray
 from ....problems.contact.matrices.pieces import Pieces
@@ -25,7 +25,10 @@ MIN_SLAB = 256
 """Minimum number of contacts of each slab except the last; batches of smaller slabs have more empty lanes."""
 
 OPEN_BATCHES = 63
-"""Number of batches that are filled at the same time: one for each bit of a signed integer except the sign bit."""
+"""Number of batches that are filled at the same time: one for each bit of an integer except the last one."""
+
+EXPONENT, BIAS = 52, 1023
+"""First bit of the exponent of a double, and the number that is added to the exponent."""
 
 
 class Slabs(NamedTuple):
@@ -83,18 +86,19 @@ def _neighbours(chunks, idle):  # type: ignore[no-untyped-def]
 
     The neighbours of a body are ``neighbours[starts[body]:starts[body + 1]]``.
     """
-    starts = np.zeros(idle + 2, dtype=np.int64)
-    for side in range(len(chunks)):
-        if chunks[side] != idle and chunks[side ^ 1] != idle:
-            starts[chunks[side] + 2] += 1
+    one, starts = uint64(1), np.zeros(idle + 2, dtype=np.int32)
+    for side in range(uint64(len(chunks))):
+        if chunks[side] != idle and chunks[side ^ one] != idle:
+            starts[uint64(chunks[side] + 2)] += 1
     for body in range(idle):
         starts[body + 2] += starts[body + 1]
-    neighbours = np.empty(starts[idle + 1], dtype=np.int64)
-    for side in range(len(chunks)):
-        body, other = chunks[side], chunks[side ^ 1]
+    neighbours = np.empty(starts[idle + 1], dtype=np.int32)
+    for side in range(uint64(len(chunks))):
+        body, other = chunks[side], chunks[side ^ one]
         if body != idle and other != idle:
-            neighbours[starts[body + 1]] = other
-            starts[body + 1] += 1
+            place = uint64(body + 1)
+            neighbours[uint64(starts[place])] = other
+            starts[place] += 1
     return starts, neighbours
 
 
@@ -105,54 +109,62 @@ def _search_breadth_first(chunks, idle):  # type: ignore[no-untyped-def]
     The search of a component starts at the body that an earlier search finds last.
     """
     starts, neighbours = _neighbours(chunks, idle)
-    levels, queue = np.full(idle + 1, -1, dtype=np.int64), np.empty(idle + 1, dtype=np.int64)
-    n_visited, level = 0, 0
-    for side in range(len(chunks)):
-        body = chunks[side]
-        if body == idle or levels[body] >= 0:
+    levels, queue = np.full(idle + 1, -1, dtype=np.int32), np.empty(idle + 1, dtype=np.int32)
+    levels[idle] = n_visited = level = 0
+    for side in range(uint64(len(chunks))):
+        root = chunks[side]
+        if levels[uint64(root)] >= 0:
             continue
-        end = _visit(starts, neighbours, body, n_visited, level, levels, queue)
-        farthest = queue[end - 1]
+        end = _visit(starts, neighbours, root, n_visited, level, levels, queue)
+        farthest = np.int64(queue[end - 1])
         for k in range(n_visited, end):
             levels[queue[k]] = -1
         n_visited = _visit(starts, neighbours, farthest, n_visited, level, levels, queue)
-        level = levels[queue[n_visited - 1]] + 1
-    bodies = queue[:n_visited].copy()
-    positions = np.full(idle + 1, n_visited, dtype=np.int64)
+        level = np.int64(levels[queue[n_visited - 1]]) + 1
+    bodies, positions = queue[:n_visited].astype(np.int64), np.full(idle + 1, n_visited, dtype=np.int64)
     for k in range(n_visited):
         positions[bodies[k]] = k
-    return bodies, positions[chunks], levels[bodies]
+    places = np.empty(len(chunks), dtype=np.int64)
+    for side in range(uint64(len(chunks))):
+        places[side] = positions[uint64(chunks[side])]
+    return bodies, places, levels[bodies]
 
 
 @njit(cache=True)
 def _visit(starts, neighbours, root, begin, level, levels, queue):  # type: ignore[no-untyped-def]
-    """Write the levels of all bodies that are connected to ``root``, and queue them; return the end of the queue."""
+    """Write the levels of all bodies that are connected to ``root``, and queue them; return the end of the queue.
+
+    Each neighbour is written after the end of the queue, which grows if it is new: a branch would often be
+    mispredicted.
+    """
+    one = uint64(1)
     levels[root], queue[begin] = level, root
-    queue_begin, queue_end = begin, begin + 1
+    queue_begin, queue_end = uint64(begin), uint64(begin + 1)
     while queue_begin < queue_end:
-        body = queue[queue_begin]
-        for k in range(starts[body], starts[body + 1]):
-            other = neighbours[k]
-            if levels[other] < 0:
-                levels[other] = levels[body] + 1
-                queue[queue_end] = other
-                queue_end += 1
-        queue_begin += 1
-    return queue_end
+        body = uint64(queue[queue_begin])
+        next_level = levels[body] + 1
+        for k in range(uint64(starts[body]), uint64(starts[body + one])):
+            other = uint64(neighbours[k])
+            queue[queue_end] = other
+            level_before = levels[other]
+            levels[other] = next_level if level_before < 0 else level_before
+            queue_end += uint64(level_before < 0)
+        queue_begin += one
+    return np.int64(queue_end)
 
 
 @njit(cache=True)
 def _sort_by_first_body(chunks, n_bodies):  # type: ignore[no-untyped-def]
     """Return the contacts in the order of the first of their bodies; contacts of the same body keep their order."""
-    n_contacts = len(chunks) // 2
-    begins, members = np.zeros(n_bodies + 2, dtype=np.int64), np.empty(n_contacts, dtype=np.int64)
+    one, two, n_contacts = uint64(1), uint64(2), uint64(len(chunks)) // uint64(2)
+    begins, members = np.zeros(n_bodies + 2, dtype=np.int32), np.empty(n_contacts, dtype=np.int32)
     for contact in range(n_contacts):
-        begins[min(chunks[2 * contact], chunks[2 * contact + 1]) + 1] += 1  # the idle chunk is last
+        begins[uint64(min(chunks[two * contact], chunks[two * contact + one]) + 1)] += 1  # the idle chunk is last
     for body in range(n_bodies + 1):
         begins[body + 1] += begins[body]
     for contact in range(n_contacts):
-        body = min(chunks[2 * contact], chunks[2 * contact + 1])
-        members[begins[body]] = contact
+        body = uint64(min(chunks[two * contact], chunks[two * contact + one]))
+        members[uint64(begins[body])] = contact
         begins[body] += 1
     return members
 
@@ -178,46 +190,45 @@ def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def
     """Return the position of each contact and the first batch of each slab.
 
     Each contact of a slab, in order, is assigned to the first open batch that has an empty lane and does not touch a
-    body of the contact.
-
-    ``full`` and ``unavailable`` have a bit for each open batch: for full ones, and for those that cannot take the
-    contact.
+    body of the contact. ``full`` and ``touching`` have a bit for each open batch: for full ones, and for those that
+    touch a body. The lowest bit that is not set is a power of two; its number is the exponent of that power as a float.
     """
     positions, first_batch = np.empty(len(members), dtype=np.int64), np.empty(len(begins), dtype=np.int64)
-    touching = np.zeros(idle + 1, dtype=np.int64)  # a bit for each open batch that touches a body
-    written_base = np.full(idle + 1, -1, dtype=np.int64)  # the first open batch when the bits of a body were written
-    n_lanes_used = np.zeros(OPEN_BATCHES, dtype=np.int64)
+    touching, n_lanes_used = np.zeros(idle + 1, dtype=np.uint64), np.zeros(OPEN_BATCHES + 1, dtype=np.int64)
     n_batches, n_slabs = 0, len(begins) - 1
-    n_even = n_slabs - n_slabs // 2
+    n_even, zero, one, two = n_slabs - n_slabs // 2, uint64(0), uint64(1), uint64(2)
     for slab in range(n_slabs):
         position = 2 * slab if slab < n_even else 2 * (slab - n_even) + 1
-        first_batch[slab] = n_batches
-        base, full, first_open = n_batches, np.int64(0), 0
+        first_batch[slab] = first_open = n_batches
+        first_member, full = begins[position], zero
         n_lanes_used[:] = 0
         for k in range(begins[position], begins[position + 1]):
-            contact = members[k]
-            a, b = chunks[2 * contact], chunks[2 * contact + 1]
-            unavailable = full
-            if a != idle and written_base[a] == base:
-                unavailable |= touching[a]
-            if b != idle and written_base[b] == base:
-                unavailable |= touching[b]
-            batch = first_open
-            while batch < OPEN_BATCHES and (unavailable >> batch) & 1:
-                batch += 1
+            contact = uint64(members[k])
+            a, b = uint64(chunks[two * contact]), uint64(chunks[two * contact + one])
+            unavailable = full | touching[a] | touching[b]
+            bit = ~unavailable & (unavailable + one)
+            batch = (np.float64(bit).view(np.int64) >> EXPONENT) - BIAS
             if batch == OPEN_BATCHES:  # close all open batches
-                base, full, batch, first_open = n_batches, np.int64(0), 0, 0
+                _forget_bodies(chunks, members, first_member, k, touching)
+                first_member, first_open, full, batch, bit = k, n_batches, zero, 0, one
                 n_lanes_used[:] = 0
-            bit, lane = np.int64(1) << batch, n_lanes_used[batch]
-            for body in (a, b):
-                touching[body] = bit | (touching[body] if written_base[body] == base else 0)
-                written_base[body] = base
-            n_lanes_used[batch] += 1
-            if n_lanes_used[batch] == LANES:
-                full |= bit
-                while first_open < OPEN_BATCHES and (full >> first_open) & 1:
-                    first_open += 1
-            positions[contact] = LANES * (base + batch) + lane
-            n_batches = max(n_batches, base + batch + 1)
+            touching[a] |= bit
+            touching[b] |= bit
+            touching[idle] = zero  # batches may touch a fixed body several times
+            lane = n_lanes_used[batch]
+            n_lanes_used[batch] = lane + 1
+            full |= bit if lane + 1 == LANES else zero
+            positions[contact] = LANES * (first_open + batch) + lane
+            n_batches = max(n_batches, first_open + batch + 1)
+        _forget_bodies(chunks, members, first_member, begins[position + 1], touching)
     first_batch[n_slabs] = n_batches
     return positions, first_batch
+
+
+@njit(cache=True)
+def _forget_bodies(chunks, members, begin, end, touching):  # type: ignore[no-untyped-def]
+    """Clear the bits of all bodies of some members."""
+    one, two = uint64(1), uint64(2)
+    for k in range(begin, end):
+        contact = uint64(members[k])
+        touching[uint64(chunks[two * contact])] = touching[uint64(chunks[two * contact + one])] = uint64(0)
