@@ -65,25 +65,23 @@ def slots_in_batches(positions: Any) -> IntArray:
 @njit(cache=True)
 def _assign_lanes(chunks, idle):  # type: ignore[no-untyped-def]
     """Return the position of each block, and the number of batches."""
-    n_blocks = len(chunks) // 2
+    one, two, lanes, n_blocks = uint64(1), uint64(2), uint64(LANES), uint64(len(chunks) // 2)
     positions = np.empty(n_blocks, dtype=np.int64)
-    next_batch = np.zeros(idle + 1, dtype=np.int64)  # first batch after the last one that touches each chunk
-    n_used = np.zeros(n_blocks + 1, dtype=np.int64)  # lanes in use
-    first_open, n_batches = 0, 0
+    next_batch = np.zeros(idle + 1, dtype=np.uint64)  # first batch after the last one that touches each chunk
+    n_used = np.zeros(n_blocks + one, dtype=np.uint64)  # lanes in use
+    first_open = n_batches = uint64(0)
     for block in range(n_blocks):
-        batch = first_open
-        for p in (2 * block, 2 * block + 1):
-            if chunks[p] != idle:
-                batch = max(batch, next_batch[chunks[p]])
-        while n_used[batch] == LANES:
-            batch += 1
-        positions[block] = LANES * batch + n_used[batch]
-        n_used[batch] += 1
-        for p in (2 * block, 2 * block + 1):
-            next_batch[chunks[p]] = batch + 1
-        n_batches = max(n_batches, batch + 1)
-        while n_used[first_open] == LANES:
-            first_open += 1
+        a, b = uint64(chunks[two * block]), uint64(chunks[two * block + one])
+        batch = max(first_open, max(next_batch[a], next_batch[b]))
+        while n_used[batch] == lanes:
+            batch += one
+        positions[block] = lanes * batch + n_used[batch]
+        n_used[batch] += one
+        next_batch[a] = next_batch[b] = batch + one
+        next_batch[uint64(idle)] = 0  # batches may touch the idle chunk several times
+        n_batches = max(n_batches, batch + one)
+        while n_used[first_open] == lanes:
+            first_open += one
     return positions, n_batches
 
 
