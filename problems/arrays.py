@@ -60,9 +60,9 @@ def real_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
 def finite_vector(values: ArrayLike, name: str, length: int) -> FloatArray:
     """Return ``real_vector`` of finite numbers; raise ``ProblemError`` that names the first other one."""
     vector = real_vector(values, name, length)
-    bad = np.flatnonzero(~np.isfinite(vector))
-    if len(bad):
-        raise ProblemError(f"{name}[{bad[0]}] = {vector[bad[0]]} must be finite.")
+    if not np.isfinite(vector).all():
+        row = int(np.flatnonzero(~np.isfinite(vector))[0])
+        raise ProblemError(f"{name}[{row}] = {vector[row]} must be finite.")
     return vector
 
 

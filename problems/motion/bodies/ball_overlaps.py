@@ -80,14 +80,16 @@ def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-
     The normal of concentric balls is undefined and is set to the x axis.
     """
     n, dim = centres.shape
-    n_bodies, capacity = n + len(ends), len(near) + len(ball)
+    overlapping, n_pairs = _find_overlaps(near, centres, radii)
+    n_bodies, capacity = n + len(ends), n_pairs + len(ball)
     keys, chunks = np.empty(capacity, dtype=np.int64), np.empty((capacity, 2), dtype=np.int64)
     gaps, normals = np.empty(capacity), np.zeros((capacity, dim))
     heads = np.zeros(len(ends), dtype=np.int64)
     copy_entries(ends[:-1], heads[1:])
     count, surface_ball = uint64(0), _next_ball(heads, ends, ball, n)
-    for k in range(len(near) + 1):
-        i = near[k, 0] if k < len(near) else n
+    for pair in range(n_pairs + 1):
+        k = uint64(overlapping[pair]) if pair < n_pairs else uint64(0)
+        i = near[k, 0] if pair < n_pairs else n
         while surface_ball < i:
             for surface in range(len(ends)):
                 index = heads[surface]
@@ -100,12 +102,8 @@ def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-
         if i == n:
             break
         first, second = uint64(i), uint64(near[k, 1])
-        reach = radii[first] + radii[second]
         x, y, z = _difference(centres, first, second)
-        squared = x * x + y * y + z * z
-        if not squared < reach * reach:
-            continue
-        distance = np.sqrt(squared)
+        distance = np.sqrt(x * x + y * y + z * z)
         keys[count], gaps[count] = i * n_bodies + near[k, 1], distance - radii[first] - radii[second]
         chunks[count, 0], chunks[count, 1] = i, near[k, 1]
         if distance > 0.0:
@@ -115,7 +113,23 @@ def _merge(near, centres, radii, ends, ball, depth, inward):  # type: ignore[no-
         else:
             normals[count, 0] = 1.0
         count += uint64(1)
-    return keys[:count], chunks[:count].reshape(-1), gaps[:count], normals[:count]
+    return keys, chunks.reshape(-1), gaps, normals
+
+
+@njit(cache=True)
+def _find_overlaps(near, centres, radii):  # type: ignore[no-untyped-def]
+    """Return the indices of the pairs that overlap, in an array that may be longer, and their number.
+
+    Each index is written, and the next one replaces it unless its pair overlaps: a branch would often be mispredicted.
+    """
+    overlapping, count = np.empty(len(near), dtype=np.int64), uint64(0)
+    for k in range(uint64(len(near))):
+        i, j = uint64(near[k, 0]), uint64(near[k, 1])
+        reach = radii[i] + radii[j]
+        x, y, z = _difference(centres, i, j)
+        overlapping[count] = k
+        count += uint64(x * x + y * y + z * z < reach * reach)
+    return overlapping, np.int64(count)
 
 
 @njit(cache=True)

@@ -91,10 +91,10 @@ def overlapping_pairs(centres: FloatArray, radii: FloatArray) -> IntArray:
         found: IntArray = finite[overlapping_pairs(centres[finite], radii[finite])]
         return found
     wide_cells = None if largest_of_small == largest else sort_into_cells(centres, largest)
-    buffer = np.empty((USUAL_PAIRS * n, 2), dtype=np.int64)
+    buffer = np.empty((USUAL_PAIRS * n + 1, 2), dtype=np.int64)
     count = _write_all_pairs(centres, radii, largest_of_small, cells, wide_cells, buffer)
-    if count > len(buffer):
-        buffer = np.empty((count, 2), dtype=np.int64)
+    if count >= len(buffer):
+        buffer = np.empty((count + 1, 2), dtype=np.int64)
         _write_all_pairs(centres, radii, largest_of_small, cells, wide_cells, buffer)
     pairs: IntArray = _sorted_pairs(buffer[:count], n)
     return pairs
@@ -117,7 +117,7 @@ def _write_all_pairs(
     wide_cells: Cells | None,
     pairs: IntArray,
 ) -> int:
-    """Write the overlapping pairs i < j, unsorted, up to the capacity; return their total number."""
+    """Write the overlapping pairs i < j, unsorted, into all rows but the last; return their total number."""
     count: int = _write_pairs(centres, radii, largest_of_small, *cells, pairs)
     if wide_cells is not None:
         count = _add_pairs_of_large_balls(centres, radii, largest_of_small, *wide_cells, count, pairs)
@@ -245,9 +245,8 @@ def _write_pairs(centres, radii, largest, order, number, extent_x, extent_y, pai
                 end += one
             i, x, y, z, r = numbers[a], balls[a, 0], balls[a, 1], balls[a, 2], balls[a, 3]
             for b in range(begin, end):
-                if _overlaps(x, y, z, r, balls, b):
-                    _write_pair(i, numbers[b], count, pairs)
-                    count += one
+                _write_pair(i, numbers[b], count, pairs)
+                count += uint64(_overlaps(x, y, z, r, balls, b))
     return count
 
 
@@ -260,9 +259,12 @@ def _overlaps(x, y, z, r, balls, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, inline="always")
 def _write_pair(i, j, count, pairs):  # type: ignore[no-untyped-def]
-    """Write a pair after ``count`` others, if there is space for it."""
-    if count < uint64(len(pairs)):
-        pairs[count, 0], pairs[count, 1] = min(i, j), max(i, j)
+    """Write a pair after ``count`` others, or into the last row if there is no space for it.
+
+    The next pair replaces it unless the balls overlap: a branch would often be mispredicted.
+    """
+    row = min(count, uint64(len(pairs)) - uint64(1))
+    pairs[row, 0], pairs[row, 1] = min(i, j), max(i, j)
 
 
 @njit(cache=True)
@@ -288,9 +290,8 @@ def _add_pairs_of_large_balls(centres, radii, limit, order, number, extent_x, ex
                 i, x, y, z, r = numbers[a], balls[a, 0], balls[a, 1], balls[a, 2], balls[a, 3]
                 for b in range(begin, end):
                     is_first = balls[b, 3] <= limit or b > a  # a pair of large balls is found from both sides
-                    if is_first and _overlaps(x, y, z, r, balls, b):
-                        _write_pair(i, numbers[b], count, pairs)
-                        count += one
+                    _write_pair(i, numbers[b], count, pairs)
+                    count += uint64(is_first and _overlaps(x, y, z, r, balls, b))
     return count
 
 
