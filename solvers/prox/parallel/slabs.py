@@ -120,7 +120,7 @@ def _search_breadth_first(chunks, idle):  # type: ignore[no-untyped-def]
         for k in range(n_visited, end):
             levels[queue[k]] = -1
         n_visited = _visit(starts, neighbours, farthest, n_visited, level, levels, queue)
-        level = np.int64(levels[queue[n_visited - 1]]) + 1
+        level = int(levels[queue[n_visited - 1]]) + 1
     bodies, positions = queue[:n_visited].astype(np.int64), np.full(idle + 1, n_visited, dtype=np.int64)
     for k in range(n_visited):
         positions[bodies[k]] = k
@@ -207,7 +207,7 @@ def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def
             a, b = uint64(chunks[two * contact]), uint64(chunks[two * contact + one])
             unavailable = full | touching[a] | touching[b]
             bit = ~unavailable & (unavailable + one)
-            batch = (np.float64(bit).view(np.int64) >> EXPONENT) - BIAS
+            batch = int((np.float64(bit).view(np.int64) >> EXPONENT) - BIAS)
             if batch == OPEN_BATCHES:  # close all open batches
                 _forget_bodies(chunks, members, first_member, k, touching)
                 first_member, first_open, full, batch, bit = k, n_batches, zero, 0, one
