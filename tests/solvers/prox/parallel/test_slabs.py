@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from proxbench.problems.contact.matrices.pieces import Pieces
-from proxbench.solvers.prox.parallel.slabs import MIN_SLAB, Slabs, divide_into_slabs
+from proxbench.solvers.prox.parallel.slabs import MIN_SLAB, OPEN_BATCHES, Slabs, divide_into_slabs
 from proxbench.solvers.sweeps.batches.lanes import LANES
 
 
@@ -63,6 +63,26 @@ def test_each_contact_has_its_own_lane_and_contacts_of_a_batch_share_no_body(
     for batch in range(slabs.n_batches):
         moved = [body for body in pairs[slabs.positions // LANES == batch].ravel().tolist() if body != n_bodies]
         assert len(set(moved)) == len(moved)
+
+
+@settings(max_examples=60, deadline=None)
+@contacts
+@pytest.mark.parametrize("has_hub", [False, True])
+def test_each_contact_is_in_the_first_open_batch_that_can_take_it(
+    has_hub: bool, seed: int, n_contacts: int, n_bodies: int, reach: int
+) -> None:
+    """Earlier batches of the same window of a slab are full, or touch one of its bodies. A hub touches most bodies."""
+    pairs = neighbouring(seed, n_contacts, n_bodies, reach)
+    if has_hub:
+        pairs[(np.arange(n_contacts) % 2 == 0) & (pairs[:, 0] != 0), 1] = 0
+    slabs = divide_into_slabs(graph(pairs, n_bodies))
+    of_batch = [pairs[slabs.positions // LANES == batch] for batch in range(slabs.n_batches)]
+    bodies = [set(members.ravel().tolist()) - {n_bodies} for members in of_batch]
+    for batch, members in enumerate(of_batch):
+        first = slabs.first_batch[np.searchsorted(slabs.first_batch, batch, side="right") - 1]
+        window = range(batch - (batch - first) % OPEN_BATCHES, batch)
+        for pair in members:
+            assert all(len(of_batch[k]) == LANES or bodies[k] & set(pair.tolist()) for k in window)
 
 
 @settings(max_examples=60, deadline=None)
