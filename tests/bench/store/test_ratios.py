@@ -66,7 +66,7 @@ def test_intervals_hold_the_true_ratio_as_often_as_they_say(noise: Noise, pairs:
 @pytest.mark.slow
 @pytest.mark.parametrize("passes", [MIN_PAIRS, pytest.param(7, marks=pytest.mark.weekly)])
 def test_intervals_hold_the_true_ratio_where_processes_differ_more_than_their_rounds(passes: int) -> None:
-    chance, n_runs, place = default_rng(passes), RUNS // 2, np.arange(2 * passes)
+    chance, n_runs, place = default_rng(passes), 2 * RUNS, np.arange(2 * passes)
 
     def of_processes(solver: str, median: float) -> pd.DataFrame:
         """Return the rounds of all simulated runs, with a separate tolerance for each run."""
