@@ -32,14 +32,14 @@ MAX_PARALLEL_STARTS = 4
 INTERRUPT_SECONDS = 0.05
 """Interval at which starting cases are asked to end after an interrupt [s]."""
 
-MAX_DOUBTED_ROUNDS = 3
-"""Number of successive rounds with impossible processor times that prove misbehaviour.
+MAX_DOUBTED_ROUNDS = 2
+"""Number of rounds with impossible processor times that prove misbehaviour, over all points of a case in a pass.
 
 If a virtual machine is paused, its clocks may count the pause differently, which disturbs one round.
 """
 
 CHANGED_CORES = "it changed the cores that its process may use"
-"""Reason of a case whose process is no longer pinned to its cores."""
+"""Reason of a case whose process is no longer pinned to its cores, or used more of them."""
 
 RoundResult = TypeVar("RoundResult")
 """The result of one round of a level."""
@@ -87,6 +87,7 @@ class LadderCase(ABC, Generic[RoundResult]):
         self._curve = Curve()
         self._reason = self._traceback = self._output = ""
         self._worker: Worker | None = None
+        self._n_doubted = 0
         self._is_dismissed = False
         self._seconds, self._seconds_before, self._memory = 0.0, 0.0, 0
         if stored is not None:
@@ -226,9 +227,7 @@ class LadderCase(ABC, Generic[RoundResult]):
         Return it with its record and numbers, or None if the case failed.
         """
         doubt = ""
-        for _ in range(MAX_DOUBTED_ROUNDS):
-            if self._worker is None:
-                return None
+        while self._n_doubted < MAX_DOUBTED_ROUNDS and self._worker is not None:
             process, used, probe = self._worker.process, self._worker.processor_seconds(), self.core.probe()
             began = time.monotonic()
             answer = self._ask(request, *arguments)
@@ -248,7 +247,9 @@ class LadderCase(ABC, Generic[RoundResult]):
             doubt = self._doubt(timed, record, self._worker.processor_seconds() - used)
             if not doubt:
                 return timed, record, answer[1]
-        self._fail(Fault(Outcome.MISBEHAVED, doubt))
+            self._n_doubted += 1
+        if doubt:
+            self._fail(Fault(Outcome.MISBEHAVED, doubt))
         return None
 
     def _doubt(self, timed: TimedRound, record: Round, processor_seconds: float) -> str:

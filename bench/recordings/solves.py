@@ -38,8 +38,8 @@ FIRST_POINTS = {"residual": 0, "complementarity": 1, "step_change": 1}
 ARROW_SIZES = 3.0
 """Length of the arrow, in body sizes, for the 90 % quantile of the impulses of closed contacts."""
 
-NO_ARROWS = "No arrow is drawn, because the last iterates are zero."
-"""Sentence in place of the scale of the arrows."""
+NO_ARROWS = "No arrow is drawn, because no last iterate is finite and nonzero."
+"""Sentence in place of the scale of arrows if there are none."""
 
 MAX_ARROW_LENGTH = 3.0
 """Bound of arrow lengths relative to ``ARROW_SIZES``, so that diverging solvers do not hide others."""

@@ -7,8 +7,8 @@ the same core. The process of a case may use the processor time
     W ≤ (1 + SHARE) P + HARNESS_FACTOR N h + n ROUND_SECONDS + ALLOWANCE_SECONDS
 
 in the rounds that are not excluded. The excess is untimed work, unless a repeated measurement of h explains it: other
-programs slow down the harness as well. A round with an excess is discarded and repeated; several in succession
-(``MAX_DOUBTED_ROUNDS``) prove misbehaviour.
+programs slow down the harness as well. A round with an excess is discarded and repeated; a second one
+(``MAX_DOUBTED_ROUNDS``) proves misbehaviour.
 """
 
 from time import process_time
@@ -47,7 +47,7 @@ class ClockAccount:
         self._on_clock = self._processor_seconds = self._n_solves = self._n_rounds = self._harness = 0.0
 
     def fault(self, timed_round: TimedRound, processor_seconds: float) -> str | None:
-        """Add a round, or return a clause if the process worked more in it than its clock explains.
+        """Add a round, or return a clause if the process then worked more in all of them than its clock explains.
 
         Args:
             timed_round: a round that is not excluded.

@@ -112,7 +112,9 @@ def test_degenerate_and_mixed_problems_can_be_recorded(
         assert np.isfinite(list(read_back(made.file).curve(f"/curves/residual/{solver}").values())).all()
 
 
-@pytest.mark.parametrize(("velocity", "scale"), [(-1.0, "bodies is 1 N s."), (1.0, "the last iterates are zero")])
+@pytest.mark.parametrize(
+    ("velocity", "scale"), [(-1.0, "bodies is 1 N s."), (1.0, "no last iterate is finite and nonzero")]
+)
 def test_the_explanation_gives_the_scale_of_arrows_unless_there_are_none(
     velocity: float, scale: str, tmp_path: Path, read_back: Callable[[Path], Any]
 ) -> None:
