@@ -289,6 +289,16 @@ def test_work_that_its_clock_does_not_count_in_several_rounds_that_are_not_exclu
         assert np.array_equal(found.impulses[0], SOLUTION)
 
 
+def test_a_second_round_with_work_that_its_clock_does_not_count_is_misbehaviour_at_any_point(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    process = Scripted(answered(SOLUTION), worked=[*DISTURBED, 0.0, 0.0, *DISTURBED])
+    case = begun(monkeypatch, process)
+    assert case.measure(1e-4, 0) is not None
+    assert case.measure(1e-6, 0) is None
+    assert case.outcome is Outcome.MISBEHAVED
+
+
 def test_what_a_misbehaving_solver_measured_is_discarded_and_what_it_printed_kept(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
