@@ -269,7 +269,8 @@ def _arrows(contact_points: ContactPoints, lanes: FloatArray, scale: float) -> F
 
 def _reference_impulse(traces: Sequence[Trace]) -> float:
     """Return the 90 % quantile of the impulses [N s] of the most accurate last iterate that is not zero, or 0."""
-    last = [(trace.residual[-1], np.linalg.norm(trace.impulses[-1], axis=1)) for trace in traces if trace.impulses]
+    with np.errstate(over="ignore"):  # diverging impulses may be too large to be squared
+        last = [(trace.residual[-1], np.linalg.norm(trace.impulses[-1], axis=1)) for trace in traces if trace.impulses]
     candidates = [(residual, lengths) for residual, lengths in last if np.isfinite(lengths).all() and lengths.any()]
     if not candidates:
         return 0.0

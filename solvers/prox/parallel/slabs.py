@@ -191,10 +191,11 @@ def _fill_batches(chunks, idle, members, begins):  # type: ignore[no-untyped-def
 
     Each contact of a slab, in order, is assigned to the first open batch that has an empty lane and does not touch a
     body of the contact. ``full`` and ``touching`` have a bit for each open batch: for full ones, and for those that
-    touch a body. The lowest bit that is not set is a power of two; its number is the exponent of that power as a float.
+    touch a body. The lowest bit that is not set is a power of two. Its number is the exponent of this power, which is
+    read from a double.
     """
     positions, first_batch = np.empty(len(members), dtype=np.int64), np.empty(len(begins), dtype=np.int64)
-    touching, n_lanes_used = np.zeros(idle + 1, dtype=np.uint64), np.zeros(OPEN_BATCHES + 1, dtype=np.int64)
+    touching, n_lanes_used = np.zeros(idle + 1, dtype=np.uint64), np.zeros(OPEN_BATCHES, dtype=np.int64)
     n_batches, n_slabs = 0, len(begins) - 1
     n_even, zero, one, two = n_slabs - n_slabs // 2, uint64(0), uint64(1), uint64(2)
     for slab in range(n_slabs):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from proxbench.problems.motion.detection import broad_phase
 from proxbench.problems.motion.detection.broad_phase import (
     MAX_QUERIES,
     MAX_SKIN,
@@ -102,6 +103,14 @@ def test_a_dense_heap_larger_than_the_first_guess_is_found_whole(n: int, dim: in
     centres = np.random.default_rng(1).normal(size=(n, dim)) * 0.1
     pairs = overlapping_pairs(centres, np.ones(n))
     assert np.array_equal(pairs, np.column_stack(np.triu_indices(n, 1)))
+
+
+def test_pairs_that_exceed_the_first_guess_by_one_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One pair overlaps, and pairs that are tested after it do not."""
+    monkeypatch.setattr(broad_phase, "USUAL_PAIRS", 0)
+    centres, radii = np.array([[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [1.95, 0.5, 0.0]]), np.full(3, 0.5)
+    assert np.array_equal(overlapping_pairs(centres, radii), every_pair(centres, radii))
+    assert len(every_pair(centres, radii)) == 1
 
 
 def test_distant_ball_needs_no_memory_and_adds_no_pairs() -> None:
