@@ -15,6 +15,7 @@ import _thread
 import sys
 from collections.abc import Callable
 from functools import partial
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -40,36 +41,38 @@ def check_threads(threads: int) -> None:
 
 
 class _Member:
-    """A thread that runs functions one by one, until one is None."""
+    """A thread that runs functions one by one.
+
+    Attributes:
+        is_idle: whether the last function has ended.
+    """
 
     def __init__(self) -> None:
-        self.function: Callable[[], Any] | None = None
-        self._is_idle = True
-        self._begin, self._end = _thread.allocate_lock(), _thread.allocate_lock()
-        self._begin.acquire()
-        self._end.acquire()
+        self.is_idle = True
+        self._functions: SimpleQueue[Callable[[], Any] | None] = SimpleQueue()
+        self._ended = _thread.allocate_lock()
+        self._ended.acquire()
         _thread.start_new_thread(self._run, ())
 
-    def begin(self, function: Callable[[], Any] | None) -> None:
-        """Run ``function`` in the thread, which must be idle, or end the thread if ``function`` is None."""
-        self.function, self._is_idle = function, False
-        self._begin.release()
+    def begin(self, function: Callable[[], Any]) -> None:
+        """Run ``function`` in the thread, which must be idle."""
+        self.is_idle = False
+        self._functions.put(function)
 
-    def is_idle(self, wait: bool = False) -> bool:
-        """Return whether the last function has ended; ``wait`` waits for its end."""
-        self._is_idle = self._is_idle or self._end.acquire(wait)
-        return self._is_idle
+    def end(self) -> None:
+        """End the thread after its last function, and wait for its end."""
+        self._functions.put(None)
+        self._ended.acquire()
 
     def _run(self) -> None:
-        while True:
-            self._begin.acquire()
-            function, self.function = self.function, None
-            try:
-                if function is None:
-                    return
-                function()
-            finally:
-                self._end.release()
+        try:
+            while (function := self._functions.get()) is not None:
+                try:
+                    function()
+                finally:
+                    self.is_idle = True
+        finally:
+            self._ended.release()
 
 
 class Team:
@@ -86,6 +89,19 @@ class Team:
         self._kernel = kernel
         self._arguments = threads, self._calls, self._states, *arguments
 
+    def start(self) -> None:
+        """Let the other threads wait for calls, as far as they do not; ``run`` does this, too.
+
+        Until a thread has started, which takes a tenth of a millisecond, the caller can do other work.
+        """
+        while len(self._members) < len(self._states) - 1:
+            self._members.append(_Member())
+        for number, member in enumerate(self._members, start=1):
+            if self._states[number] == AWAY and member.is_idle:
+                self._states[number] = 2 * self._calls[0]
+                part = partial(_take_part, number, self._states, self._errors, self._kernel, *self._arguments)
+                member.begin(part)
+
     def run(self) -> Any:
         """Run the kernel in each thread, and return the result of thread 0.
 
@@ -93,13 +109,7 @@ class Team:
         """
         if len(self._states) == 1:
             return self._kernel(0, *self._arguments)
-        while len(self._members) < len(self._states) - 1:
-            self._members.append(_Member())
-        for number, member in enumerate(self._members, start=1):
-            if self._states[number] == AWAY and member.is_idle():
-                self._states[number] = 2 * self._calls[0]
-                part = partial(_take_part, number, self._states, self._errors, self._kernel, *self._arguments)
-                member.begin(part)
+        self.start()
         _begin_call(self._calls)
         try:
             result = self._kernel(0, *self._arguments)
@@ -115,9 +125,7 @@ class Team:
         if self._members:
             _send_away(self._states)
         for member in self._members:
-            member.is_idle(wait=True)
-            member.begin(None)
-            member.is_idle(wait=True)
+            member.end()
 
 
 def _take_part(

@@ -85,7 +85,7 @@ class Balls(NamedTuple):
         The impulses Λ are in the order of rows.
         """
         motion = zeros_for_balls(len(self.inverse_masses))
-        if _is_nonzero(impulses):
+        if impulses.any():
             _write_motion(self.contacts.chunks, self.contacts.normals, self.inverse_masses, impulses, motion)
         return motion
 
@@ -172,7 +172,8 @@ class BallIterates(MomentumState, WindowedIterates):
         MomentumState.__init__(self, momentum, delay)
         self._sweep, self._start = sweep, start.copy()
         self._impulses = np.zeros(3 * len(sweep.bodies) // 2)
-        write_impulses(sweep.balls.contacts.normals, sweep.slots, start, self._impulses)
+        if start.any():
+            write_impulses(sweep.balls.contacts.normals, sweep.slots, start, self._impulses)
         self._motion = sweep.balls.motion(start)
         self._change = np.zeros(len(self._impulses))
         self._previous_motion = aligned_copy(self._motion) if momentum > 0.0 else self._motion
@@ -261,15 +262,6 @@ def _are_unit(normals):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _is_nonzero(impulses):  # type: ignore[no-untyped-def]
-    """Return whether an entry is not zero; usually, one of the first is not."""
-    row = 0
-    while row < len(impulses) and impulses[row] == 0.0:
-        row += 1
-    return row < len(impulses)
-
-
-@njit(cache=True)
 def _find_inverse_masses_and_spin_ratio(inverse, radii, inverse_masses):  # type: ignore[no-untyped-def]
     """Write 1/m of each ball, and return κ = r²m/J, or 0 if balls differ in κ or have several moments of inertia."""
     spin_ratio = 0.0
@@ -320,7 +312,7 @@ def _pack(balls, normals, free_velocity, step_sizes, friction, inverse_masses, p
     return bodies, records, slots
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def write_weights(alpha, ratios, slots, weights):  # type: ignore[no-untyped-def]
     """Write α of both laws of each contact, and the squares of their ratios."""
     lanes, one, two, three = uint64(LANES), uint64(1), uint64(2), uint64(3)

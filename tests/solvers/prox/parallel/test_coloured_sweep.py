@@ -60,7 +60,7 @@ def use_threads_for_small_problems(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def swept(problem: ContactProblem, threads: int, momentum: float, counts: tuple[int, ...] = (1, 4, 10)) -> list[Any]:
-    """Return the bits of Λ and ξ after each window, from a start that is not zero."""
+    """Return the bits of Λ and ξ after each window from a nonzero start, and then those of windows with checks."""
     sweep = ColouredSweep.over(problem, diagonal_step_sizes(problem, 1.1), threads)
     start = np.maximum(np.random.default_rng(0).normal(size=problem.n_rows), 0.0)
     iterates = ColouredIterates(sweep, start, momentum)
@@ -68,6 +68,13 @@ def swept(problem: ContactProblem, threads: int, momentum: float, counts: tuple[
     for count in counts:
         iterates.sweep(count)
         bits += [iterates.impulses().tobytes(), iterates.relative_velocity().tobytes()]
+    residual = Residual(problem)
+    for lowest in (0.0, 0.05, np.inf):
+        if iterates.has_windows(residual):
+            window = iterates.run_window([3, 1, 7, 5], residual, (lowest, np.inf))
+            bits += [window.residuals.tobytes(), iterates.impulses().tobytes()]
+            if len(window.residuals) > 1:
+                bits.append(window.best_impulses().tobytes())
     return bits
 
 
@@ -126,7 +133,6 @@ def test_late_or_missing_threads_do_not_change_the_result(
     alone = swept(problem, 1, 0.65)
     if patience is None:
         monkeypatch.setattr(_Member, "begin", lambda self, function: None)
-        monkeypatch.setattr(_Member, "is_idle", lambda self, wait=False: True)
         assert swept(problem, threads, 0.65) == alone
         return
     run = Team.run

@@ -62,6 +62,14 @@ def all_take_part(team: Team, parts: np.ndarray) -> bool:
     return False
 
 
+def becomes_idle(member: _Member) -> bool:
+    """Wait until a member is idle, and return whether it is after 30 s."""
+    deadline = time.monotonic() + 30.0
+    while not member.is_idle and time.monotonic() < deadline:
+        time.sleep(1e-3)
+    return member.is_idle
+
+
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_each_thread_takes_part_in_calls(threads: int) -> None:
     before = _thread._count()
@@ -80,12 +88,19 @@ def test_a_thread_that_stopped_waiting_takes_part_in_later_calls() -> None:
     parts, starts = np.zeros((2, 2), dtype=np.int64)
     team = Team(2, _count_parts, parts, starts)
     assert all_take_part(team, parts)
-    started, deadline = starts[1], time.monotonic() + 30.0
-    while not team._members[0].is_idle():  # it ends after a millisecond
-        assert time.monotonic() < deadline
-        time.sleep(1e-3)
+    started = starts[1]
+    assert becomes_idle(team._members[0])  # after a millisecond
     assert all_take_part(team, parts)
     assert starts[1] > started
+
+
+def test_threads_that_were_started_before_take_part_in_the_next_call() -> None:
+    parts, starts = np.zeros((2, 3), dtype=np.int64)
+    team = Team(3, _count_parts, parts, starts)
+    team.start()
+    assert len(team._members) == 2
+    assert all_take_part(team, parts)
+    assert len(team._members) == 2
 
 
 def test_a_call_does_not_wait_for_a_thread_that_has_not_begun(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,7 +138,7 @@ def test_a_kernel_that_raises_in_any_thread_raises_each_time_and_leaves_no_threa
         with pytest.raises(ArithmeticError):
             team.run()
         for member in team._members:
-            member.is_idle(wait=True)
+            assert becomes_idle(member)
     fails[0] = False
     team.run()
     del team

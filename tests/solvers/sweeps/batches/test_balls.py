@@ -18,10 +18,14 @@ from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.stepping.midpoint import step_problem
 from proxbench.solvers import Stop, create
 from proxbench.solvers.iteration import loop
-from proxbench.solvers.iteration.loop import Window, impulses_and_residual
+from proxbench.solvers.iteration.loop import Window, WindowedIterates, impulses_and_residual
+from proxbench.solvers.prox.parallel.coloured_sweep import ColouredIterates
 from proxbench.solvers.sweeps.batches.ball_kernels import write_rows
 from proxbench.solvers.sweeps.batches.balls import BallIterates, BallSweep
 from proxbench.solvers.sweeps.step_size import diagonal_step_sizes
+
+KINDS = st.sampled_from([("SORprox(form='factors')", BallIterates), ("ColouredSORprox", ColouredIterates)])
+"""Solvers that sweep and check in windows, and their iterates."""
 
 
 def heap(seed: int, n_balls: int = 150, spin_ratio: float = 2.5) -> ContactProblem:
@@ -186,6 +190,7 @@ def test_the_residual_of_one_pass_is_not_finite_if_an_impulse_is_nan() -> None:
 
 @settings(deadline=None, max_examples=25)
 @given(
+    kind=KINDS,
     seed=st.integers(0, 2**31),
     options=st.sampled_from(
         [{}, {"momentum": 0.65}, {"momentum": "measured"}, {"momentum": 0.97, "momentum_delay": 4.0}]
@@ -196,21 +201,28 @@ def test_the_residual_of_one_pass_is_not_finite_if_an_impulse_is_nan() -> None:
     laws_swept=st.sampled_from([1, 20_000, 10**9]),
 )
 def test_windows_of_sweeps_and_checks_give_the_solution_of_single_checks(
-    seed: int, options: dict[str, float], relaxation: float, tolerance: float, max_iterations: int, laws_swept: int
+    kind: tuple[str, type[WindowedIterates]],
+    seed: int,
+    options: dict[str, float],
+    relaxation: float,
+    tolerance: float,
+    max_iterations: int,
+    laws_swept: int,
 ) -> None:
     """An observer requires single checks."""
+    solver, iterates = kind
     windows: list[int] = []
-    run_window = BallIterates.run_window
+    run_window = iterates.run_window
 
-    def counted(self: BallIterates, counts: Sequence[int], *arguments: Any) -> Window:
+    def counted(self: WindowedIterates, counts: Sequence[int], *arguments: Any) -> Window:
         window = run_window(self, counts, *arguments)
         windows.append(len(window.residuals))
         return window
 
-    prepared = create("SORprox", form="factors", relaxation=relaxation, **options).prepare(heap(seed))
+    prepared = create(solver, relaxation=relaxation, **options).prepare(heap(seed))
     stop = Stop(tolerance, max_iterations)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(BallIterates, "run_window", counted)
+        patch.setattr(iterates, "run_window", counted)
         patch.setattr(loop, "MAX_LAWS_SWEPT", laws_swept)
         found = prepared.solve(stop)
         n_windows = len(windows)
@@ -226,12 +238,13 @@ def test_windows_of_sweeps_and_checks_give_the_solution_of_single_checks(
         assert max(windows) > 1
 
 
-def test_a_window_ends_at_the_first_residual_beyond_its_limits() -> None:
+@pytest.mark.parametrize("solver", ["SORprox(form='factors')", "ColouredSORprox"])
+def test_a_window_ends_at_the_first_residual_beyond_its_limits(solver: str) -> None:
     problem = heap(3)
     residual = Residual(problem)
 
     def residuals(limits: tuple[float, float]) -> list[float]:
-        iterates = create("SORprox", form="factors").prepare(problem).begin(np.zeros(problem.n_rows))
+        iterates = create(solver).prepare(problem).begin(np.zeros(problem.n_rows))
         return iterates.run_window([3] * 8, residual, limits).residuals.tolist()
 
     every = residuals((0.0, np.inf))
@@ -239,3 +252,19 @@ def test_a_window_ends_at_the_first_residual_beyond_its_limits() -> None:
     first_below = next(number for number, value in enumerate(every, 1) if value <= every[4])
     assert residuals((every[4], np.inf)) == every[:first_below]
     assert residuals((0.0, every[0])) == every[:1]
+
+
+@pytest.mark.parametrize("solver", ["SORprox(form='factors')", "ColouredSORprox"])
+def test_the_best_impulses_of_a_window_have_its_lowest_residual_before_the_last_one(solver: str) -> None:
+    """They do not change in the next window."""
+    problem = heap(3)
+    residual = Residual(problem)
+    prepared = create(solver, relaxation=1.9, momentum=0.9).prepare(problem)
+    iterates, single = (prepared.begin(np.zeros(problem.n_rows)) for _ in range(2))
+    assert isinstance(iterates, WindowedIterates)
+    window = iterates.run_window([2] * 12, residual, (0.0, np.inf))
+    best = int(np.argmin(window.residuals[:-1]))
+    assert best < 10  # otherwise, the best is the last but one
+    single.sweep(2 * (best + 1))
+    iterates.run_window([3] * 5, residual, (0.0, np.inf))
+    assert np.array_equal(window.best_impulses(), single.impulses())
