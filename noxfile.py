@@ -120,7 +120,7 @@ def mutants(session: nox.Session) -> None:
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(source, copy)
     session.install("-e", f"{tree}[test,dask]", *MUTATING)
-    session.env |= {"NUMBA_CACHE_DIR": str(tree / "numba"), "OMP_NUM_THREADS": "1"}
+    session.env.update({"NUMBA_CACHE_DIR": str(tree / "numba"), "OMP_NUM_THREADS": "1"})
     with session.chdir(tree):
         session.run("python", "tests/mutants.py", *session.posargs)
 
