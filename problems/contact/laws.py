@@ -120,12 +120,9 @@ class Laws(ReadOnlyRecord):
     def __post_init__(self) -> None:
         for name, dtype in _FIELDS.items():
             array = frozen(getattr(self, name), dtype, f"laws.{name}")
-            if array.ndim != 1:
-                raise ProblemError(f"laws.{name} must be a vector, one entry per law; got shape {array.shape}.")
-            if len(array) != len(self.kind):
-                raise ProblemError(
-                    f"laws.{name} must have shape ({len(self.kind)},), one entry per law; got {array.shape}."
-                )
+            if array.ndim != 1 or len(array) != len(self.kind):
+                required = f"({'n_laws' if name == 'kind' else len(self.kind)},), one entry per law"
+                raise ProblemError(f"laws.{name} must have shape {required}; got {array.shape}.")
             object.__setattr__(self, name, array)
         self._check()
 
@@ -164,6 +161,11 @@ class Laws(ReadOnlyRecord):
     def row_count(self) -> IntArray:
         """Number of rows of each law, shape (n_laws,)."""
         return sealed(ROWS_OF_KIND.take(self.kind))
+
+    @cached_property
+    def kinds(self) -> frozenset[int]:
+        """The values of ``LawKind`` that occur."""
+        return frozenset(np.flatnonzero(np.bincount(self.kind)).tolist())
 
     @cached_property
     def is_friction(self) -> NDArray[np.bool_]:
@@ -258,6 +260,7 @@ class Laws(ReadOnlyRecord):
         laws = self._with_arrays(lambda array: array[:n_laws])
         for name in ("sets", "row_count", "is_friction", "is_rolling", "is_unilateral", "is_bilateral"):
             laws.__dict__[name] = getattr(self, name)[:n_laws]
+        laws.__dict__["kinds"] = self.kinds if n_laws else frozenset()
         object.__setattr__(laws, "equal_laws", self)
         return laws
 
@@ -295,10 +298,8 @@ class Laws(ReadOnlyRecord):
         try:
             coefficient = np.broadcast_to(mu, (n_contacts,))
         except ValueError:
-            shape = np.shape(friction)
-            raise ProblemError(
-                f"friction must be one number or have shape ({n_contacts},), got shape {shape}."
-            ) from None
+            required = f"one number or have shape ({n_contacts},)"
+            raise ProblemError(f"friction must be {required}, got shape {np.shape(friction)}.") from None
         given = mu.ravel()[:n_contacts]
         invalid = np.flatnonzero(~(np.isfinite(given) & (given >= 0)))
         if len(invalid):
@@ -355,10 +356,9 @@ class Laws(ReadOnlyRecord):
                 f"friction is one number, or one for each of the {len(normal)} unilateral laws, "
                 f"got shape {values.shape}."
             )
-        coefficient = np.broadcast_to(values, normal.shape)
         return Laws.in_order(
             np.insert(self.kind, insertion, _ROLLING_OF_ROWS[n_rows - 1]),
-            np.insert(self.friction_coefficient, insertion, coefficient),
+            np.insert(self.friction_coefficient, insertion, np.broadcast_to(values, normal.shape)),
             np.insert(self.fixed_bound, insertion, 0.0),
             np.insert(np.where(self.partner >= 0, new_index[self.partner], -1), insertion, new_index[normal]),
         )

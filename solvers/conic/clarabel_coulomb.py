@@ -29,7 +29,7 @@ class ClarabelCoulomb(FixedPointMethod):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_reason(problem, self.form)
+        return super().supports(problem) or unsupported_reason(problem, self.form)
 
     def program(self, problem: ContactProblem) -> ClarabelProgram:
         """Return the program of ``problem``, set up for Clarabel."""

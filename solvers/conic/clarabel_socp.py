@@ -61,7 +61,7 @@ class ClarabelSOCP(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_reason(problem, self.form)
+        return super().supports(problem) or unsupported_reason(problem, self.form)
 
     def prepare(self, problem: ContactProblem) -> "PreparedConvex":
         """Create the cone program of a problem."""

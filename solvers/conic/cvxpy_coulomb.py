@@ -91,7 +91,7 @@ class CvxpyCoulomb(FixedPointMethod):
             return (
                 f"it has {problem.n_contacts} contacts; with more than {MAX_CONTACTS}, cvxpy needs gigabytes to compile"
             )
-        return unsupported_reason(problem, "delassus")
+        return super().supports(problem) or unsupported_reason(problem, "delassus")
 
     def program(self, problem: ContactProblem) -> "CvxpyProgram":
         """Return the compiled program."""

@@ -44,7 +44,7 @@ class InteriorMethod(Method, ABC):
         """Return why the solver cannot solve ``problem``, or None."""
         if self.form == "factors" and problem.factors is None:
             return "the problem holds G only, and form='factors' needs the factors W and M⁻¹"
-        return None
+        return super().supports(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedRuns":
         """Scale the problem, assemble what the form needs, and order the factorisation."""

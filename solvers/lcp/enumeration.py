@@ -17,7 +17,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop, start_impulses
 from ..iteration.loop import infeasible_solution
-from ..iteration.method import Method, unsupported_laws
+from ..iteration.method import SLIDING, Method
 from ..iteration.stopping import Clock
 
 MAX_CONTACTS = 6
@@ -38,10 +38,11 @@ class Enumeration(Method):
     """All combinations of contact states, one after the other."""
 
     has_iterates: ClassVar[bool] = False
+    law_kinds: ClassVar[frozenset[int]] = SLIDING
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        reason = unsupported_laws(problem)
+        reason = super().supports(problem)
         if reason:
             return reason
         if (problem.laws.row_count > 1).any():

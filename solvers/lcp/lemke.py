@@ -17,7 +17,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual
 from ...problems.contact.solver import Observer, Solution, Status, Stop, check_stop, start_impulses
 from ..iteration.loop import infeasible_solution
-from ..iteration.method import Method, unsupported_laws
+from ..iteration.method import SLIDING, Method
 from ..iteration.stopping import Clock
 from .formulation import Complementarity, check_sides, complementarity, unknowns_of_laws
 from .pivoting import SMALLEST_PIVOTS, Ending, Tableau
@@ -43,6 +43,7 @@ class Lemke(Method):
     sides: int = 8
 
     has_iterates: ClassVar[bool] = False
+    law_kinds: ClassVar[frozenset[int]] = SLIDING
 
     def __post_init__(self) -> None:
         check_sides(self.sides)
@@ -54,7 +55,7 @@ class Lemke(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        reason = unsupported_laws(problem)
+        reason = super().supports(problem)
         if reason:
             return reason
         unknowns = unknowns_of_laws(problem.laws, self.sides)

@@ -10,6 +10,7 @@ and is exact.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numba import njit, uint64
@@ -20,7 +21,7 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import ModelResidual, Residual
 from ..iteration.loop import PreparedIteration
-from ..iteration.method import Method, check_option, unsupported_laws
+from ..iteration.method import SLIDING, Method, check_option
 from ..sweeps.delassus import DelassusState, DelassusSweep, FlatDelassus, LawArrays, spatial_velocity
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes, inverse
 from .formulation import check_sides
@@ -44,6 +45,8 @@ class PyramidPGS(Method):
     sides: int = 8
     relaxation: float = 1.0
 
+    law_kinds: ClassVar[frozenset[int]] = SLIDING
+
     def __post_init__(self) -> None:
         check_sides(self.sides)
         is_valid = self.sides % 2 == 0
@@ -54,10 +57,6 @@ class PyramidPGS(Method):
     def model(self) -> Model:
         """The pyramid of ``sides`` sides."""
         return Model.pyramid(self.sides)
-
-    def supports(self, problem: ContactProblem) -> str | None:
-        """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_laws(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G, the segments of every friction law and their step sizes."""

@@ -13,6 +13,7 @@ from ...problems.contact.problem import ContactProblem
 from ...problems.contact.solver import Solution, SolverError, Status
 from ...problems.errors import ProblemError
 from ..iteration.cores import usable_cores
+from ..iteration.method import Method, unsupported_laws
 from .structures import (
     BLOCKS,
     DENSE,
@@ -152,6 +153,9 @@ class NativeSolver(ABC):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
+        reason = unsupported_laws(problem, Method.law_kinds)
+        if reason:
+            return reason
         missing = laws_of(problem) & ~self.facts.laws
         if missing:
             return f"{self.facts.name} does not support {LAWS[(missing & -missing).bit_length() - 1]}"

@@ -14,6 +14,7 @@ velocity R x. This is the published method, which solves a relaxed model. Here x
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,7 +24,7 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import convex_obstacle
 from ..iteration.loop import PreparedIteration, iterate
-from ..iteration.method import Method, unsupported_laws
+from ..iteration.method import SLIDING, Method
 from ..sweeps.cone import ConeProblem
 from .linear_solver import factorise
 
@@ -47,6 +48,8 @@ class SAP(Method):
     One iteration is a Newton step or an update of x̄.
     """
 
+    law_kinds: ClassVar[frozenset[int]] = SLIDING
+
     @property
     def model(self) -> Model:
         """The convex model."""
@@ -56,7 +59,7 @@ class SAP(Method):
         """Return why the solver cannot solve ``problem``, or None."""
         if problem.factors is None:
             return "the problem holds G only, and this method needs the factors W and M⁻¹"
-        return unsupported_laws(problem) or convex_obstacle(problem)
+        return super().supports(problem) or convex_obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Scale W̃, and assemble G to find the units of the contacts."""

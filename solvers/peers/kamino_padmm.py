@@ -40,7 +40,7 @@ class KaminoPADMM(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_reason(problem)
+        return super().supports(problem) or unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedPADMM":
         """Fill Kamino's arrays, and compile its kernels for problems of this size."""

@@ -69,7 +69,7 @@ class MuJoCo(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_reason(problem)
+        return super().supports(problem) or unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedMuJoCo":
         """Return the solver with a MuJoCo model that has as many coordinates and rows as the problem, and its data."""

@@ -55,7 +55,7 @@ class PinocchioADMM(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_reason(problem)
+        return super().supports(problem) or unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedADMM":
         """Assemble scaled G and the contacts."""

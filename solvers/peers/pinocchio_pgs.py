@@ -45,7 +45,7 @@ class PinocchioPGS(Method):
         """Return why the solver cannot solve ``problem``, or None."""
         if problem.n_contacts > MAX_CONTACTS:
             return f"it has {problem.n_contacts} contacts; with more than {MAX_CONTACTS}, the dense G takes gigabytes"
-        return unsupported_reason(problem)
+        return super().supports(problem) or unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> "PreparedPGS":
         """Assemble scaled dense G and the contacts."""

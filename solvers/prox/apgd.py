@@ -11,6 +11,7 @@ iteration. The method restarts with β = 0 if the gradient and the last step for
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from ...problems.contact.model import Model
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import convex_obstacle
 from ..iteration.loop import PreparedIteration, iterate
-from ..iteration.method import Method, unsupported_laws
+from ..iteration.method import SLIDING, Method
 from ..sweeps.cone import ConeProblem
 
 SHRINK, GROW = 0.5, 1.1
@@ -36,6 +37,8 @@ MAX_HALVINGS = 60
 class APGD(Method):
     """Accelerated projected gradient descent for the convex (associated) model; one iteration is one step."""
 
+    law_kinds: ClassVar[frozenset[int]] = SLIDING
+
     @property
     def model(self) -> Model:
         """The convex model."""
@@ -43,7 +46,7 @@ class APGD(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_laws(problem) or convex_obstacle(problem)
+        return super().supports(problem) or convex_obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G in scaled variables and estimate its largest eigenvalue."""

@@ -5,13 +5,14 @@ The slabs of one colour share no movable body; see ``parallel.slabs`` and ``para
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import ClassVar
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Prepared, Solution, Stop
 from ..iteration.loop import PreparedIteration
-from ..iteration.method import Method
+from ..iteration.method import SLIDING, Method
 from ..iteration.momentum import Momentum, begin_with_momentum, check_momentum
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 from .parallel.coloured_sweep import ColouredIterates, ColouredSweep
@@ -62,6 +63,8 @@ class ColouredSORprox(Method):
     momentum_delay: float = 0.0
     threads: int = 1
 
+    law_kinds: ClassVar[frozenset[int]] = SLIDING
+
     def __post_init__(self) -> None:
         check_relaxation(self.relaxation)
         check_momentum(self.momentum, self.momentum_delay)
@@ -69,7 +72,7 @@ class ColouredSORprox(Method):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_reason(problem)
+        return super().supports(problem) or unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> Prepared:
         """Divide the contacts into slabs, and assemble the data of the batches."""

@@ -13,6 +13,7 @@ more than twice as far as before.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,7 +24,7 @@ from ...problems.contact.residual import convex_obstacle
 from ...problems.contact.solver import SolverError
 from ..iteration.anderson import Anderson
 from ..iteration.loop import PreparedIteration, iterate
-from ..iteration.method import Method, check_option, unsupported_laws
+from ..iteration.method import SLIDING, Method, check_option
 from ..newton.linear_solver import factorise
 from ..sweeps.cone import ConeProblem
 
@@ -56,12 +57,14 @@ class ProximalADMM(Method):
 
     memory: int = 5
 
+    law_kinds: ClassVar[frozenset[int]] = SLIDING
+
     def __post_init__(self) -> None:
         check_option("memory", self.memory, type(self.memory) is int and self.memory >= 0, "a whole number, 0 or more")
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_laws(problem) or convex_obstacle(problem)
+        return super().supports(problem) or convex_obstacle(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G and estimate its largest eigenvalue."""

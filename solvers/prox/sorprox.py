@@ -56,7 +56,7 @@ class SORprox(Method):
         """Return why the solver cannot solve ``problem``, or None."""
         if self.form == "factors" and problem.factors is None:
             return "the problem holds G only, and form='factors' needs the factors W and M⁻¹"
-        return None
+        return super().supports(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Compute the step sizes and assemble the data of the form."""

@@ -9,14 +9,14 @@ The device is always part of the name. With ``device="cpu"`` the same kernels ru
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 from ...problems.arrays import FloatArray
 from ...problems.contact.problem import ContactProblem
 from ...problems.contact.residual import Residual
 from ...problems.contact.solver import Observer, Solution, SolverError, Stop
 from ..iteration.loop import PreparedIteration
-from ..iteration.method import Method
+from ..iteration.method import SLIDING, Method
 from ..peers.installed import check_installed
 from ..sweeps.step_size import check_relaxation, diagonal_step_sizes
 from .parallel.pairs import unsupported_reason
@@ -58,6 +58,8 @@ class DeviceMethod(Method, ABC):
     relaxation: float = 1.0
     device: str = "cuda"
 
+    law_kinds: ClassVar[frozenset[int]] = SLIDING
+
     def __post_init__(self) -> None:
         check_relaxation(self.relaxation)
         name = type(self).__name__
@@ -78,7 +80,7 @@ class DeviceMethod(Method, ABC):
 
     def supports(self, problem: ContactProblem) -> str | None:
         """Return why the solver cannot solve ``problem``, or None."""
-        return unsupported_reason(problem)
+        return super().supports(problem) or unsupported_reason(problem)
 
     def prepare(self, problem: ContactProblem) -> PreparedOnDevice:
         """Copy the data to the device."""

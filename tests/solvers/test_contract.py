@@ -5,13 +5,14 @@ Daily tests check all of them on ``WHOLE_ROW``, and a third of them on each othe
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from diagonal import is_on_diagonal
-from proxbench.problems import ContactProblem, ProblemError, judge, load
+from proxbench.problems import ContactProblem, LawKind, ProblemError, judge, load
 from proxbench.solvers import Solver, SolverError, Status, Stop, available, create
 from proxbench.solvers.contract import prepared_fault
 from proxbench.solvers.registry import composites
@@ -121,6 +122,18 @@ def test_it_implements_the_protocol_and_its_name_recreates_it(name: str) -> None
     solver = create(name)
     assert isinstance(solver, Solver)
     assert create(solver.name) == solver
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_law_of_a_kind_that_it_does_not_state_is_declined(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A new kind of law therefore concerns only the solvers that state it."""
+    new = int.__new__(LawKind, len(LawKind))
+    new._name_, new._value_ = "ELLIPTIC_FRICTION", int(new)
+    monkeypatch.setitem(LawKind._value2member_map_, int(new), new)
+    problem = sample_for(name)
+    laws = problem.laws.fresh()
+    laws.__dict__["kinds"] = problem.laws.kinds | {int(new)}
+    assert "it has elliptic friction" in str(create(name).supports(replace(problem, laws=laws)))
 
 
 @pytest.mark.parametrize("name", variants(1, ITERATIVE))

@@ -4,7 +4,6 @@ import numpy as np
 
 from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
-from ...iteration.method import unsupported_laws
 
 MAX_BODIES = 2
 """Largest number of bodies of a contact."""
@@ -14,9 +13,6 @@ def unsupported_reason(problem: ContactProblem) -> str | None:
     """Return why a problem cannot be converted to this form, or None."""
     if problem.factors is None:
         return "the problem holds G only, and sweeps over pairs of bodies need the factors W and M⁻¹"
-    reason = unsupported_laws(problem)
-    if reason:
-        return reason
     directions = problem.factors.directions
     has_pairs = isinstance(directions, Pieces) and directions.in_pairs
     if not has_pairs and np.diff(problem.factor_pieces().starts).max(initial=0) > MAX_BODIES:

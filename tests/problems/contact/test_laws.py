@@ -200,6 +200,7 @@ def test_equal_contacts_have_the_layout_of_their_own_laws(dim: int, n_contacts: 
         assert np.array_equal(getattr(found, one.name), getattr(expected, one.name)), one.name
     for name in ("sets", "row_count", "is_friction", "is_rolling", "is_unilateral", "is_bilateral"):
         assert np.array_equal(getattr(laws, name), getattr(laws.fresh(), name)), name
+    assert laws.kinds == laws.fresh().kinds == set(laws.fresh().kind.tolist())
 
 
 @pytest.mark.parametrize(
@@ -208,7 +209,7 @@ def test_equal_contacts_have_the_layout_of_their_own_laws(dim: int, n_contacts: 
         ({"kind": [0, 257]}, r"laws.kind\[1\] = 257"),
         ({"kind": [0, 1.5]}, r"laws.kind\[1\] = 1.5"),
         ({"partner": [-1, 0.5]}, r"laws.partner\[1\] = 0.5"),
-        ({"kind": 0}, r"laws.kind must be a vector"),
+        ({"kind": 0}, r"laws.kind must have shape \(n_laws,\), one entry per law; got \(\)"),
     ],
 )
 def test_numbers_that_are_not_indices_or_kinds_are_reported_instead_of_rounded(
