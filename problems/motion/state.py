@@ -16,7 +16,9 @@ class State:
         position: q, shape (n_coordinates,).
         velocity: u, shape (n_dofs,).
         keys: contacts of the last step, ascending, shape (n_contacts,).
-        impulses: their Λ [N s], padded with zeros to as many rows as a contact may have, shape (n_contacts, width).
+        impulses: their Λ [N s] after a step of ``Moreau``, their mean forces Λ/Δt [N] after one of a
+            ``VariableStepper``, whose next step may be of another length; ``EventDriven`` stores neither. Rows are
+            padded with zeros to as many as a contact may have, shape (n_contacts, width).
     """
 
     time: float

@@ -50,7 +50,7 @@ class Stepper(ABC):
 
     Attributes:
         locates_switches: whether steps are variable and switching points are located.
-        holds_forces: whether states contain the mean forces Λ/Δt of a step instead of its impulses.
+        holds_forces: whether states contain the mean forces Λ/Δt [N] of a step instead of its impulses Λ [N s].
         shows_solves: whether accepted steps contain their one-step solves, which may be judged.
         uses_last_impulses: whether solves may start from the impulses of the last step.
     """
