@@ -112,7 +112,7 @@ class Scene:
         kinetic_energy: u ↦ T [J], without that of driven bodies.
         potential_energy: q ↦ V [J], None if it is not known.
         n_balls: number of balls, 0 if there are none.
-        depth: penetration [m] to which positions are projected, None if they are not.
+        depth: penetration [m] to which ``Moreau`` projects positions, None if it does not; other steppers ignore it.
         longest_step: default Δt_max of a variable step [s], short enough to detect every contact.
         coordinates: index of each named coordinate by its name, in the order in which figures show them.
         has_few_contacts: whether contacts are so few that accurate solves and variable steps are the default.

@@ -49,6 +49,8 @@ LENGTH_TOLERANCE = 1e-9
 class VariableStepper(Stepper):
     """Base class of variable steppers; subclasses declare the attributes as options, and compare sequences of steps.
 
+    They ignore the ``depth`` of a scene: positions are not projected.
+
     Attributes:
         tolerance: relative error of one smooth step, between 0 and 1.
         min_step: Δt_min [s], the accuracy of switching points. A contact that closes with velocity v keeps the depth
