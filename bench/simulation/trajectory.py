@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from ...problems.arrays import FloatArray
 from ...problems.contact.solver import Status
 from ...problems.motion.scenes.scene import SceneEnding
 from ...problems.motion.state import State
-from ...problems.motion.stepping.step import AcceptedStep, LawStates, SwitchingPoint
+from ...problems.motion.stepping.step import AcceptedStep, LawName, LawState, LawStates, SwitchingPoint
 from ...problems.motion.trajectories.limit_cycle import SwitchEvent
 from ..report.layout.text import counted
 from ..store.notes import hides_contacts
@@ -29,10 +29,10 @@ SWITCH = np.dtype(
 )
 """One switching point: its interval [s]; an index into ``LAWS``; the contact; indices into ``LAW_STATES``."""
 
-LAWS = ("unilateral", "friction")
+LAWS: tuple[LawName, ...] = get_args(LawName)
 """Names of laws by the index that rows of switching points store."""
 
-LAW_STATES = ("open", "closed", "stick", "slip")
+LAW_STATES: tuple[LawState, ...] = get_args(LawState)
 """Names of the states of laws by the stored index."""
 
 SLACK = 1.001

@@ -30,7 +30,10 @@ NOT_FINITE = "the motion is no longer finite"
 """Beginning of the message of a step after which positions or velocities are not finite."""
 
 LawName = Literal["unilateral", "friction"]
+"""Name of a law. Result files store indices into these names, so their order is fixed."""
+
 LawState = Literal["open", "closed", "stick", "slip"]
+"""State of a law. Result files store indices into these names, so their order is fixed."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
+from proxbench.bench.simulation.trajectory import LAW_STATES, LAWS
 from proxbench.problems import load
 from proxbench.problems.exchange.files.problem_file import save_problem
 
@@ -125,6 +126,11 @@ def test_a_variable_step_is_stored_in_the_same_file_with_its_switching_points(tm
     assert again.law_states is not None
     assert simulation.law_states is not None
     assert again.law_states.closed == simulation.law_states.closed
+
+
+def test_stored_indices_keep_their_meaning() -> None:
+    assert LAWS == ("unilateral", "friction")
+    assert LAW_STATES == ("open", "closed", "stick", "slip")
 
 
 def test_invalid_switching_point_is_refused(tmp_path: Path) -> None:
