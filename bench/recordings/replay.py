@@ -17,7 +17,7 @@ from ..errors import BenchError
 from .bodies.balls import BallRecorder
 from .bodies.rigid_bodies import RigidRecorder
 from .bodies.woodpecker import WoodpeckerRecorder
-from .simulation import CoordinateRecorder, SceneRecorder
+from .scene_recorder import CoordinateRecorder, SceneRecorder
 
 FRAMES = 1000
 """Number of drawn steps for which the playback speed is set: at most 17 s, less than 100 MB with a thousand balls."""

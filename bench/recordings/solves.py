@@ -26,7 +26,7 @@ from .blueprints import BODIES, ITERATION, Camera, solves_blueprint
 from .contact_points import Bodies, ContactPoints, find_contact_points
 from .contact_states import STATE_COLOURS, ContactState, contact_states, write_state_colours
 from .file import SUFFIX, RecordingFile, write_curve
-from .simulation import MIN_RESIDUAL
+from .scene_recorder import MIN_RESIDUAL
 from .traces import Trace, trace_solve
 
 MAX_GROWTH = 1e2

@@ -2,7 +2,7 @@
 
 about            JSON: kind and format of the file, and the fields of ``SimulationRecord``
 steps            one row per accepted step, see ``step_row.StepRow``
-switches         one row per switching point, see ``trajectory.SWITCH``
+switches         one row per switching point, see ``simulation.SWITCH``
 state_…          states, see ``kept_states``; a resumed simulation starts from the last one
 closed, sticking keys of closed and of sticking contacts after the last step, if the stepper determines them
 
@@ -34,8 +34,8 @@ from ..store.store import check_links_inside
 from .history import Failure, Segment, check_segments
 from .kept_states import kept_arrays, restore_kept
 from .plan import PlanRecord, SimulationPlan, make_simulation_plan
+from .simulation import LAW_STATES, LAWS, SWITCH, Simulation
 from .step_row import step_columns
-from .trajectory import LAW_STATES, LAWS, SWITCH, Simulation
 from .view.outputs import read_outputs
 
 SUFFIX = ".npz"

@@ -22,9 +22,9 @@ from .file import SUFFIX, read_simulation, write_simulation
 from .history import Failure
 from .plan import REPLACEABLE, SimulationPlan, changed, check_agreement
 from .remote_steps import RemoteSteps
+from .simulation import Simulation
 from .step_row import SceneValues, scene_values, step_row
 from .step_times import without_compilation
-from .trajectory import Simulation
 
 OnStep = Callable[[int, AcceptedStep], None]
 """``on_step(number, step)``, called after every step, with numbers from 1."""

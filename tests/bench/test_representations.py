@@ -8,7 +8,7 @@ import pytest
 from proxbench.bench import compare, load
 from proxbench.bench.measure.plan import make_plan
 from proxbench.bench.simulation.plan import make_simulation_plan
-from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.bench.simulation.simulation import Simulation
 from proxbench.problems import load as load_problem
 from proxbench.solvers import available, create
 from simulated_runs import store_run

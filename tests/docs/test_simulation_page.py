@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
-from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.bench.simulation.simulation import Simulation
 from proxbench.bench.simulation.view.table import print_simulation
 from proxbench.problems.motion.scenes.registry import SCENES, make_scene
 from proxbench.problems.motion.scenes.woodpecker import SWITCH_EVENTS

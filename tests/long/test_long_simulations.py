@@ -11,7 +11,7 @@ import psutil
 import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.bench.simulation.simulation import Simulation
 from proxbench.problems.motion.scenes.resting import Stack
 from proxbench.problems.motion.scenes.woodpecker import PERIOD
 from proxbench.problems.motion.stepping.midpoint import MidpointRule

@@ -14,7 +14,7 @@ from ...report.layout.text import output_width, print_json
 from ...simulation.file import SUFFIX, read_simulation, write_simulation
 from ...simulation.plan import make_simulation_plan
 from ...simulation.run import advance, resumable_simulation
-from ...simulation.trajectory import Simulation
+from ...simulation.simulation import Simulation
 from ...simulation.view.live import LiveSummary
 from ...simulation.view.outputs import SimulationOutputs, choose_outputs
 from ...simulation.view.table import print_simulation, simulation_document

@@ -19,9 +19,9 @@ from ...errors import FailedSimulationError
 from ...isolation.process_usage import ContextSwitches
 from ...simulation.plan import SimulationPlan
 from ...simulation.run import advance
+from ...simulation.simulation import Simulation
 from ...simulation.starts import UnsupportedStepError
 from ...simulation.step_times import StepClocks
-from ...simulation.trajectory import Simulation
 from .methods import Method, scaled_stepper
 
 EXACT_INSTANTS = 200

@@ -17,7 +17,7 @@ from ...report.charts.palette import PALETTE, rgb
 from ...report.layout.text import counted
 from ..blueprints import Camera, space_view
 from ..contact_states import States
-from ..simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows
+from ..scene_recorder import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows
 from .meshes import ball_mesh, identity_orientations, in_space, surface_meshes, turned
 
 LAYER_COLOURS = (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5])

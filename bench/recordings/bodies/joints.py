@@ -9,7 +9,7 @@ from ....problems.motion.bodies.rigid.joints import WORLD, Joint, RigidJoints
 from ....problems.motion.bodies.rigid.orientation import IDENTITY, rotation_matrices
 from ....problems.motion.stepping.step import Step
 from ...report.charts.palette import PALETTE, rgb
-from ..simulation import Entities
+from ..scene_recorder import Entities
 
 JOINTS = "scene/joints"
 """Entity of the joints."""

@@ -19,7 +19,7 @@ from ...report.charts.palette import PALETTE, rgb
 from ...report.layout.text import counted
 from ..blueprints import ABOVE, BESIDE, CameraFit, space_view
 from ..contact_states import States
-from ..simulation import BODIES, IMPULSES, Entities, SceneRecorder
+from ..scene_recorder import BODIES, IMPULSES, Entities, SceneRecorder
 from .contact_patches import NO_PATCHES, patches
 from .force_arrows import NO_FORCES, ForceArrows
 from .joints import JOINTS, joint_impulses, joint_points, joint_shapes

@@ -13,7 +13,7 @@ from ....problems.motion.stepping.step import Step
 from ...report.charts.palette import rgb
 from ..blueprints import Camera, plot, space_view
 from ..contact_states import States
-from ..simulation import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows, step_size_plot
+from ..scene_recorder import BODIES, IMPULSES, NO_IMPULSES, Entities, SceneRecorder, arrows, step_size_plot
 from .meshes import planar_orientation
 
 WOOD, BRASS, FEATHERS = rgb("#b08a5b"), rgb("#d9b45b"), rgb("#2f6f8f")

@@ -22,7 +22,7 @@ from ...report.charts.palette import PALETTE
 from ...report.layout.text import counted
 from ...store.fields import exponent
 from ..history import Segment, planned_segment
-from ..trajectory import Simulation, describe_switches
+from ..simulation import Simulation, describe_switches
 
 POINTS = 500
 """Largest number of intervals over which curves are aggregated, to limit the size of charts."""

@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.text import Text
 
-from ..trajectory import Simulation
+from ..simulation import Simulation
 
 REDRAW_SECONDS = 0.2
 """Wall time between two updates of a terminal [s]; an update takes about a millisecond."""

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from ....problems.motion.trajectories.limit_cycle import Cycle, CycleSequence, SwitchEvent, find_cycles
 from ...report.layout.text import counted
-from ..trajectory import Simulation
+from ..simulation import Simulation
 
 MAX_ROWS = 30
 """Largest number of printed switching points without known periods; the result file contains all."""

@@ -15,7 +15,7 @@ from ...report.layout.text import counted, overlap_words, unsolved_words
 from ...store.conversion import content_of
 from ...store.fields import accuracy_tag
 from ..history import planned_segment
-from ..trajectory import Ending, Simulation, describe_switches
+from ..simulation import Ending, Simulation, describe_switches
 from .switching_table import period_lines, periods_document, plain_table, print_switches
 
 WINDOW_SECONDS = 0.1

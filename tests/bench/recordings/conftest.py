@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from proxbench.bench.recordings.simulation import SceneRecorder
+from proxbench.bench.recordings.scene_recorder import SceneRecorder
 from proxbench.bench.simulation.step_row import STATUSES, scene_values, step_columns, step_row
 from proxbench.problems.motion.stepping.step import AcceptedStep, Step
 from rerun.chunk import RrdReader

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.bench.recordings.replay import scene_recorder
-from proxbench.bench.recordings.simulation import axis_range
+from proxbench.bench.recordings.scene_recorder import axis_range
 from proxbench.problems.motion.scenes.registry import make_scene
 from proxbench.problems.motion.stepping.midpoint import MidpointRule
 from proxbench.solvers import Stop, create

@@ -14,7 +14,7 @@ from proxbench.bench.errors import BenchError
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
-from proxbench.bench.simulation.trajectory import LAW_STATES, LAWS
+from proxbench.bench.simulation.simulation import LAW_STATES, LAWS
 from proxbench.problems import load
 from proxbench.problems.exchange.files.problem_file import save_problem
 

@@ -9,7 +9,7 @@ from proxbench.bench.cli.main import run_command
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import resume_simulation, simulate
-from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.bench.simulation.simulation import Simulation
 from proxbench.bench.simulation.view.chart import simulation_chart
 from proxbench.bench.simulation.view.table import print_simulation, summary
 from proxbench.problems.motion.scenes.funnel import JAM_SECONDS

@@ -13,8 +13,8 @@ from proxbench.bench.errors import BenchError, FailedSimulationError
 from proxbench.bench.simulation.file import read_simulation
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import BYTES_PER_ROW, resume_simulation, simulate, step_bytes
+from proxbench.bench.simulation.simulation import Ending, Simulation
 from proxbench.bench.simulation.step_row import step_columns
-from proxbench.bench.simulation.trajectory import Ending, Simulation
 from proxbench.problems import ContactProblem, Model, judge
 from proxbench.problems.contact.matrices import memory
 from proxbench.problems.errors import InsufficientMemoryError

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
 from proxbench.bench.simulation.run import simulate
-from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.bench.simulation.simulation import Simulation
 from proxbench.problems.motion.scenes.woodpecker import PERIOD, SWITCH_EVENTS
 from proxbench.problems.motion.trajectories.limit_cycle import CycleSequence, find_cycles
 

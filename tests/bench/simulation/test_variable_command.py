@@ -7,7 +7,7 @@ import pytest
 from proxbench.bench.cli.main import run_command
 from proxbench.bench.simulation.file import read_simulation, write_simulation
 from proxbench.bench.simulation.plan import make_simulation_plan
-from proxbench.bench.simulation.trajectory import Simulation
+from proxbench.bench.simulation.simulation import Simulation
 
 TOY = "simulate woodpecker(start='cycle') --no-progress"
 

@@ -8,8 +8,8 @@ import pytest
 from msgspec.structs import replace as changed
 from proxbench.bench.simulation.history import planned_segment
 from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.simulation import Simulation
 from proxbench.bench.simulation.step_row import step_columns
-from proxbench.bench.simulation.trajectory import Simulation
 from proxbench.bench.simulation.view.chart import simulation_chart
 
 

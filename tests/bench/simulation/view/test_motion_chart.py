@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.simulation import SWITCH, Simulation
 from proxbench.bench.simulation.step_row import step_columns
-from proxbench.bench.simulation.trajectory import SWITCH, Simulation
 from proxbench.bench.simulation.view.chart import simulation_chart
 from proxbench.problems.motion.state import State
 from proxbench.problems.motion.stepping.step import LawStates

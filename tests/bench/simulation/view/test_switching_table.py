@@ -5,8 +5,8 @@ import io
 import numpy as np
 import pytest
 from proxbench.bench.simulation.plan import make_simulation_plan
+from proxbench.bench.simulation.simulation import LAW_STATES, LAWS, SWITCH, Simulation
 from proxbench.bench.simulation.step_row import step_columns
-from proxbench.bench.simulation.trajectory import LAW_STATES, LAWS, SWITCH, Simulation
 from proxbench.bench.simulation.view.table import print_simulation
 from proxbench.problems.motion.scenes.woodpecker import DESCENT, PERIOD, SWITCH_EVENTS
 from proxbench.problems.motion.state import State

@@ -10,8 +10,8 @@ import pytest
 from msgspec.structs import replace as changed
 from proxbench.bench.simulation.plan import SimulationPlan, make_simulation_plan
 from proxbench.bench.simulation.run import simulate
+from proxbench.bench.simulation.simulation import Simulation
 from proxbench.bench.simulation.step_row import step_columns
-from proxbench.bench.simulation.trajectory import Simulation
 from proxbench.bench.simulation.view.live import LiveSummary
 from proxbench.bench.simulation.view.table import print_simulation, simulation_document, summary, windows
 from rich.console import Console

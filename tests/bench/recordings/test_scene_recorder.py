@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from proxbench.bench.recordings.simulation import scaled_label, unit_exponent
+from proxbench.bench.recordings.scene_recorder import scaled_label, unit_exponent
 
 
 @pytest.mark.parametrize(
