@@ -29,7 +29,7 @@ from ..measuring_core import MeasuringCore
 from ..points import keep_finest_impulses, times_from_rounds
 from ..timed_round import TimedRound
 from .answers import judge_answers, judge_control_solves
-from .case_process import MeasuringTask
+from .case_process import MeasuringRequest, MeasuringTask
 from .clock_account import ClockAccount
 from .control import WARM_UP_STOP, Controls, ControlSolve
 from .iterations import contradicting_solve, is_contradicted, iteration_fields
@@ -127,17 +127,22 @@ class Case(LadderCase[MeasuredRound]):
             self._fail(Fault(Outcome.UNSUPPORTED, self._before.missing))
             return
         self._start(MeasuringTask(self._controls.warm_up, self.solver), self.solver.compiled_solvers)
-        requests = (("supports",), ("warm_up", WARM_UP_STOP), ("problem", self._data), ("supports",))
+        requests = (
+            (MeasuringRequest.SUPPORTS,),
+            (MeasuringRequest.WARM_UP, WARM_UP_STOP),
+            (MeasuringRequest.PROBLEM, self._data),
+            (MeasuringRequest.SUPPORTS,),
+        )
         if any(self._ask(request, *arguments) is None for request, *arguments in requests):
             return
         if not self._curve.iteration:
             self._observe(self._stop(self.ladder[-1]))
-        self._ask("compare")
+        self._ask(MeasuringRequest.COMPARE)
 
     def _observe(self, stop: Stop) -> None:
         """Measure the convergence curve, and compare its iterates with the reported iterations."""
         try:
-            result = self._ask("observe", stop, self._starts.impulses(stop))
+            result = self._ask(MeasuringRequest.OBSERVE, stop, self._starts.impulses(stop))
         except Fault as fault:
             self._fail(fault)
             return
@@ -152,7 +157,7 @@ class Case(LadderCase[MeasuredRound]):
 
     def finish(self) -> None:
         """Compare the state of the process with that before the solver was created."""
-        self._ask("compare")
+        self._ask(MeasuringRequest.COMPARE)
 
     def dismiss(self) -> None:
         """Ask the processes of the case to end."""
@@ -175,7 +180,7 @@ class Case(LadderCase[MeasuredRound]):
         for _ in range(MAX_RESTS):
             if answer is None or self._worker is None or self._worker.n_started() <= n_allowed:
                 return answer
-            answer = super()._ask("rest") and answer
+            answer = super()._ask(MeasuringRequest.REST) and answer
         n_left = 0 if self._worker is None else self._worker.n_started() - n_allowed
         if n_left:
             self._fail(Fault(Outcome.MISBEHAVED, f"it leaves {counted(n_left, 'process', 'processes')} running"))
@@ -194,7 +199,7 @@ class Case(LadderCase[MeasuredRound]):
             start = self._starts.impulses(stop)
             if number == 0:
                 self._observe_again(stop, start)
-            result = self._timed_round(TimedRound, number, "round", stop, ROUND_SECONDS, start)
+            result = self._timed_round(TimedRound, number, MeasuringRequest.ROUND, stop, ROUND_SECONDS, start)
             if result is None:
                 return None
             timed, record, values = result
@@ -319,12 +324,12 @@ class Case(LadderCase[MeasuredRound]):
         if self._worker is None:
             raise invalid_answer_fault()
         began = time.monotonic()
-        answer, _ = self._worker.ask("round", stop, ROUND_SECONDS, self._starts.impulses(stop))
+        answer, _ = self._worker.ask(MeasuringRequest.ROUND, stop, ROUND_SECONDS, self._starts.impulses(stop))
         return TimedRound.read(answer, time.monotonic() - began, self.is_built_in).undisturbed_seconds
 
     def _observe_again(self, stop: Stop, start: FloatArray | None) -> None:
         """Observe a solve to the tolerance of ``stop`` if the solver contradicted itself before."""
-        result = self._ask("observe", stop, start) if self._is_contradicted else None
+        result = self._ask(MeasuringRequest.OBSERVE, stop, start) if self._is_contradicted else None
         self._observed[stop.tolerance] = None if result is None else contradicting_solve(result[0])
 
     @property

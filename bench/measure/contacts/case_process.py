@@ -162,7 +162,7 @@ class Measurement:
             answers.setdefault(solution.impulses.tobytes(), solution)
             if perf_counter() >= end or len(answers) * problem.n_rows > MAX_NUMBERS:
                 break
-        timed = _timed_round(solves, before)
+        timed = _round_of_solves(solves, before)
         self._check_after(problem)
         last = [] if solution.status is Status.SOLVED else [solution]
         returned = [*answers.values(), *last]
@@ -190,7 +190,7 @@ class Measurement:
         solves = [self._solve(problem.fresh(), stop) for problem in problems[:-1]]
         solves.append(self._solve(problems[-1].fresh(), stop, start))
         earlier = [int(solve.solution.iterations) for solve in solves[:-1]]
-        timed = msgspec.structs.replace(_timed_round(solves, before), earlier_iterations=earlier)
+        timed = msgspec.structs.replace(_round_of_solves(solves, before), earlier_iterations=earlier)
         self.problem = problems[-1]
         self._check_after(self.problem)
         return timed, [solves[-1].solution.impulses]
@@ -259,6 +259,33 @@ class Measurement:
         raise_fault(f"it changed {changed[0]}, and did not restore it" if changed else None)
 
 
+class MeasuringRequest:
+    """Requests to the process of a case, with their arguments.
+
+    They are plain strings, because a process unpickles the first request before it prepares its imports.
+
+    SUPPORTS                          why the solver does not support the problem
+    WARM_UP (stop)                    prepare and solve once
+    PROBLEM (data)                    switch to another problem
+    OBSERVE (stop, start)             iterates of one solve
+    ROUND (stop, seconds, start)      timed solves
+    FIRST_SOLVES (stop, data, start)  one timed solve of each of several problems that are new to the process
+    LOAD_KERNELS                      load all kernels that are cached
+    REST                              wait, so that processes of the solver may end
+    COMPARE                           compare the state of the process with the initial one
+    """
+
+    SUPPORTS = "supports"
+    WARM_UP = "warm_up"
+    PROBLEM = "problem"
+    OBSERVE = "observe"
+    ROUND = "round"
+    FIRST_SOLVES = "first_solves"
+    LOAD_KERNELS = "load_kernels"
+    REST = "rest"
+    COMPARE = "compare"
+
+
 @dataclass
 class MeasuringTask:
     """The task of a case, which its process turns into a ``Measurement``.
@@ -278,38 +305,27 @@ class MeasuringTask:
         return Measurement(_read_problem(self.problem_data), spec.make(), before, times_library=spec.is_built_in)
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request, given by its name and arguments.
-
-        "supports"                          why the solver does not support the problem
-        "warm_up" (stop)                    prepare and solve once
-        "problem" (data)                    switch to another problem
-        "observe" (stop, start)             iterates of one solve
-        "round" (stop, seconds, start)      timed solves
-        "first_solves" (stop, data, start)  one timed solve of each of several problems that are new to the process
-        "load_kernels"                      load all kernels that are cached
-        "rest"                              wait, so that processes of the solver may end
-        "compare"                           compare the state of the process with the initial one
-        """
+        """Answer a ``MeasuringRequest``, given by its name and arguments."""
         measurement = self._measurement
-        if request == "supports":
+        if request == MeasuringRequest.SUPPORTS:
             return {"unsupported_reason": measurement.unsupported_reason()}, b""
-        if request == "observe":
+        if request == MeasuringRequest.OBSERVE:
             iterations, iterates, calls, claimed = measurement.observe(*arguments)
             return {"iterations": iterations, "calls": calls, "claimed": claimed}, iterates.tobytes()
-        if request in ("round", "first_solves"):
-            if request == "round":
+        if request in (MeasuringRequest.ROUND, MeasuringRequest.FIRST_SOLVES):
+            if request == MeasuringRequest.ROUND:
                 timed, answers = measurement.round(*arguments)
             else:
                 stop, contents, *start = arguments
                 timed, answers = measurement.first_solves(stop, list(map(_read_problem, contents)), *start)
             return msgspec.to_builtins(timed), b"".join(impulses.tobytes() for impulses in answers)
-        if request == "warm_up":
+        if request == MeasuringRequest.WARM_UP:
             measurement.warm_up(*arguments)
-        elif request == "problem":
+        elif request == MeasuringRequest.PROBLEM:
             measurement.problem = _read_problem(*arguments)
-        elif request == "load_kernels":
+        elif request == MeasuringRequest.LOAD_KERNELS:
             load_cached_kernels()
-        elif request == "rest":
+        elif request == MeasuringRequest.REST:
             sleep(REST_SECONDS)
         else:
             measurement.compare_process()
@@ -325,7 +341,7 @@ def _read_only_copy(start: FloatArray | None) -> FloatArray | None:
     return None if start is None else frozen(start, np.float64)
 
 
-def _timed_round(solves: Sequence[TimedSolve], before: ContextSwitches) -> TimedRound:
+def _round_of_solves(solves: Sequence[TimedSolve], before: ContextSwitches) -> TimedRound:
     """Return the round of the solves between ``before`` and now."""
     last, switches = solves[-1].solution, ContextSwitches.now().since(before)
     return TimedRound(

@@ -44,7 +44,7 @@ from ...store.outcome import Outcome
 from ...store.plans import Limits
 from ..measuring_core import MeasuringCore
 from ..timed_round import TimedRound
-from .case_process import MeasuringTask
+from .case_process import MeasuringRequest, MeasuringTask
 from .variants import disguised_copy, in_other_units
 
 MIN_FAST_SOLVES = 2
@@ -301,7 +301,7 @@ class Controls:
             load_kernels()
             self.close()
         elif self._worker is not None:
-            self._worker.ask("load_kernels")
+            self._worker.ask(MeasuringRequest.LOAD_KERNELS)
 
     def _solve_in_fork(
         self, stop: Stop, *problems: bytes, start: FloatArray | None = None
@@ -330,11 +330,11 @@ class Controls:
             task = MeasuringTask(self.warm_up, self.solver)
             limits, solvers = self.limits, self.solver.compiled_solvers
             self._worker = Worker(task, limits.case_seconds, limits.memory_bytes, solvers)
-            self._worker.ask("warm_up", WARM_UP_STOP)
+            self._worker.ask(MeasuringRequest.WARM_UP, WARM_UP_STOP)
             if self._loads_kernels:
-                self._worker.ask("load_kernels")
+                self._worker.ask(MeasuringRequest.LOAD_KERNELS)
             self.core.pin(self._worker.process, self.solver.threads)
-        worker, request = self._worker, ("first_solves", (stop, problems, start))
+        worker, request = self._worker, (MeasuringRequest.FIRST_SOLVES, (stop, problems, start))
         worker.busy_seconds = 0.0
         began = time.monotonic()
         answer, content = worker.ask(FORK_REQUEST, *request) if self._can_fork else worker.ask(request[0], *request[1])

@@ -19,7 +19,7 @@ from ..ladder import MAX_REASON_LENGTH, CasePass, LadderCase
 from ..points import times_from_rounds
 from ..timed_round import TimedRound
 from .methods import Method
-from .task import TrajectoryTask
+from .task import TrajectoryRequest, TrajectoryTask
 
 
 class SimulationRound(TimedRound, frozen=True, kw_only=True):
@@ -86,7 +86,7 @@ class TrajectoryCase(LadderCase[Member]):
         """Start the process, and simulate the motion once, so that no compilation is timed."""
         task = TrajectoryTask(self.problem, self.method, self.limits.solve_seconds)
         self._start(task, self.method.solver.compiled_solvers)
-        self._ask("warm_up", self.ladder[len(self.points)], self.problem.members[0])
+        self._ask(TrajectoryRequest.WARM_UP, self.ladder[len(self.points)], self.problem.members[0])
 
     def measure(self, value: float, number: int) -> Member | None:
         """Simulate one member; return None if the case failed.
@@ -95,7 +95,8 @@ class TrajectoryCase(LadderCase[Member]):
             value: tolerance or step of the method at this point.
             number: index of the member.
         """
-        result = self._timed_round(SimulationRound, number, "simulate", value, self.problem.members[number])
+        member, request = self.problem.members[number], TrajectoryRequest.SIMULATE
+        result = self._timed_round(SimulationRound, number, request, value, member)
         if result is None:
             return None
         simulated, record, _ = result

@@ -13,7 +13,7 @@ from ...isolation.worker import Fault, RenewedWorker
 from ...store.plans import Limits, ReferenceRecord, TrajectoryRecord
 from .case import SimulationRound
 from .methods import Method, make_method, stored_method
-from .task import TrajectoryTask
+from .task import TrajectoryRequest, TrajectoryTask
 
 MIN_SEEDS = 2
 """Least number of seeds for a standard error."""
@@ -87,10 +87,10 @@ def _with_member(record: TrajectoryRecord, method: Method, worker: RenewedWorker
     """Return the record with the result of one more member."""
     scale, displacement, failure = record.scale, record.displacement, ""
     if record.error == "end position":
-        ending, _ = worker.ask("exact_end")
+        ending, _ = worker.ask(TrajectoryRequest.EXACT_END)
         values, start, moved = dict(ending["values"]), dict(ending["start"]), float(ending["displacement"])
     if record.reference is not None:
-        answer, _ = worker.ask("simulate", method.record.values[0], member)
+        answer, _ = worker.ask(TrajectoryRequest.SIMULATE, method.record.values[0], member)
         run = SimulationRound.read(answer, math.inf)
         values, failure = run.values, "" if run.status is Status.SOLVED else run.message
         moved = run.displacement

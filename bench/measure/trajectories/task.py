@@ -31,9 +31,22 @@ MAX_SOLVES = 10_000
 """Limit of the solves of a stepper that locates switches: with a coarse solver, laws may switch forever."""
 
 
+class TrajectoryRequest:
+    """Requests to the process of a case, with their arguments; plain strings, as in ``MeasuringRequest``.
+
+    WARM_UP (value, member)   simulate a member at a value of the ladder, without the time limit of a simulation
+    SIMULATE (value, member)  simulate it within this time limit
+    EXACT_END                 the exact end of the motion
+    """
+
+    WARM_UP = "warm_up"
+    SIMULATE = "simulate"
+    EXACT_END = "exact_end"
+
+
 @dataclass
 class TrajectoryTask:
-    """The task of a case, which answers "warm_up", "simulate" and "exact_end".
+    """The task of a case.
 
     Attributes:
         problem: the problem.
@@ -48,16 +61,16 @@ class TrajectoryTask:
     max_solves: int = MAX_SOLVES
 
     def answer(self, request: str, arguments: tuple[Any, ...]) -> tuple[dict[str, Any], bytes]:
-        """Answer one request: simulate a member at a value of the ladder, timed or to warm up, or return the exact end.
+        """Answer a ``TrajectoryRequest``, given by its name and arguments.
 
         Raises:
             Exception: any exception of a plugin.
         """
-        if request == "exact_end":
+        if request == TrajectoryRequest.EXACT_END:
             return self._exact_end(), b""
         value, member = arguments
         # the warm-up simulates the whole motion, which has contacts of all kinds, within the limit of the case
-        task = replace(self, seconds=math.inf) if request == "warm_up" else self
+        task = replace(self, seconds=math.inf) if request == TrajectoryRequest.WARM_UP else self
         try:
             return task._simulate(value, member), b""
         except UnsupportedStepError as error:
