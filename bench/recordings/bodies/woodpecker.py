@@ -63,7 +63,7 @@ class WoodpeckerRecorder(SceneRecorder):
     def _bodies(self, state: State) -> Entities:
         height, sleeve, bird = state.position
         self._lowest, self._highest = min(self._lowest, float(height)), max(self._highest, float(height))
-        centre = _bird_centre(state.position)
+        centre = toy.bird_centre(state.position)
         foot = np.array([toy.SLEEVE_RADIUS, 0.0, height + sleeve * toy.SLEEVE_RADIUS])
         return [
             (f"{BODIES}/sleeve", _pose(np.array([0.0, 0.0, height]), sleeve)),
@@ -77,7 +77,7 @@ class WoodpeckerRecorder(SceneRecorder):
         lanes = step.impulses.reshape(len(states), -1)
         vectors = lanes @ FRAME[: lanes.shape[1]]
         weight = (toy.BIRD_MASS + toy.SLEEVE_MASS) * toy.GRAVITY * REFERENCE_SECONDS
-        points = _contact_points(step.state.position)[step.contacts.keys]
+        points = toy.contact_points(step.state.position)[step.contacts.keys]
         return [(IMPULSES, arrows(vectors, points, states, ARROW_LENGTH, weight))]
 
     def _own_curves(self, state: State) -> dict[str, float]:
@@ -98,20 +98,6 @@ class WoodpeckerRecorder(SceneRecorder):
 def _pose(centre: FloatArray, angle: float) -> rr.Transform3D:
     """Return the pose of a body at ``centre`` [m], shape (3,), rotated by ``angle`` [rad] from x to z."""
     return rr.Transform3D(translation=centre, quaternion=rr.Quaternion(xyzw=planar_orientation(angle)))
-
-
-def _bird_centre(position: FloatArray) -> FloatArray:
-    """Return the bird's centre of mass [m]; its height is linear in the angles, as in the equations of motion."""
-    height = position[0] + toy.SPRING_ARM * position[1] + toy.BIRD_ARM * position[2]
-    return np.array([toy.SPRING_ARM + toy.BIRD_ARM, 0.0, height])
-
-
-def _contact_points(position: FloatArray) -> FloatArray:
-    """Return the contact points of the beak and of the sleeve's lower and upper edges on the pole [m], shape (3, 3)."""
-    height, sleeve, bird = position
-    beak = height + toy.SPRING_ARM * sleeve + (toy.BIRD_ARM - toy.BEAK_ARM) * bird + toy.BEAK_HEIGHT
-    middle, edge = height + toy.SLEEVE_RADIUS * sleeve, toy.SLEEVE_HALF_HEIGHT
-    return np.array([[toy.POLE_RADIUS, 0.0, z] for z in (beak, middle - edge, middle + edge)])
 
 
 def _coil(start: FloatArray, end: FloatArray, turns: int = 5, radius: float = 1.4e-3) -> FloatArray:

@@ -97,6 +97,26 @@ def _gap(position: FloatArray) -> FloatArray:
     return np.array([beak, play + tilt, play - tilt])
 
 
+def bird_centre(position: FloatArray) -> FloatArray:
+    """Return the bird's centre of mass (x, y, z) [m], with z upwards and the motion in the plane y = 0, shape (3,).
+
+    Its height is linear in the angles, as in the equations of motion; q has shape (3,).
+    """
+    height = position[0] + SPRING_ARM * position[1] + BIRD_ARM * position[2]
+    return np.array([SPRING_ARM + BIRD_ARM, 0.0, height])
+
+
+def contact_points(position: FloatArray) -> FloatArray:
+    """Return the points of the pole at the heights of beak, lower edge and upper edge [m], shape (3, 3).
+
+    The gradients of the heights are the columns T of W; axes are those of ``bird_centre``, and q has shape (3,).
+    """
+    height, sleeve, bird = position
+    beak = height + SPRING_ARM * sleeve + (BIRD_ARM - BEAK_ARM) * bird + BEAK_HEIGHT
+    middle, edge = height + SLEEVE_RADIUS * sleeve, SLEEVE_HALF_HEIGHT
+    return np.array([[POLE_RADIUS, 0.0, z] for z in (beak, middle - edge, middle + edge)])
+
+
 def woodpecker(
     friction: float | None = FRICTION, beak_restitution: float = RESTITUTION[0], gravity: float = GRAVITY
 ) -> MechanicalSystem:

@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 from proxbench.problems.motion.scenes.woodpecker import (
+    BIRD_MASS,
     DESCENT,
+    GRAVITY,
     PERIOD,
+    SLEEVE_MASS,
     SWITCH_EVENTS,
+    bird_centre,
+    contact_points,
+    potential_energy,
     published_start,
     section_start,
     woodpecker,
@@ -56,3 +62,18 @@ def test_the_incidents_that_tables_are_compared_with_are_those_of_the_published_
     rows = [*first, *published_cycle.SWITCH_EVENTS[:-2]]
     assert [(one.law, one.contact + 1, one.before, one.after) for one in SWITCH_EVENTS] == [row[1:] for row in rows]
     assert [one.time for one in SWITCH_EVENTS] == pytest.approx([row[0] for row in rows], abs=1e-14)
+
+
+def test_contact_points_move_with_the_tangential_velocities_of_the_equations_of_motion() -> None:
+    system, start = woodpecker(), published_start().position
+    displacement = np.array([1e-2, 0.2, -0.1])
+    moved = contact_points(start + displacement) - contact_points(start)
+    tangential = system.directions(start)[:, 1::2].T @ displacement
+    np.testing.assert_allclose(moved, np.outer(tangential, [0.0, 0.0, 1.0]), atol=1e-15)
+
+
+def test_height_of_the_bird_is_that_in_the_potential_energy() -> None:
+    """With equal angles, the spring stores no energy."""
+    position = np.array([0.03, -0.2, -0.2])
+    weight = GRAVITY * (SLEEVE_MASS * position[0] + BIRD_MASS * bird_centre(position)[2])
+    assert potential_energy(position) == pytest.approx(weight, rel=1e-12)
