@@ -25,10 +25,11 @@ from ..accuracy import (
     times_to_accuracies,
 )
 from ..charts.palette import on_dark, solver_styles
+from ..charts.problems import MAX_RESIDUAL, MIN_RESIDUAL
 from ..charts.profiles import SHARE
 from ..charts.templates import ROWS, templates
 from ..endings import attempted_points, case_endings, join_texts
-from ..profiles import BUDGETS, RESIDUALS, profile_accuracies
+from ..profiles import BUDGETS, PADDING, RESIDUALS, profile_accuracies
 from .commands import option, protocol_options, repeat_command
 
 MAX_TEXT = 4000
@@ -65,6 +66,9 @@ def page_document(frames: RunFrames, baseline: str) -> dict[str, Any]:
         "accuracy": summary_accuracies(frames)[-1],
         "residuals": list(RESIDUALS),
         "budgets": list(BUDGETS),
+        "padding": PADDING,
+        "min_residual": MIN_RESIDUAL,
+        "max_residual": MAX_RESIDUAL,
         "solvers": _solvers(frames, solvers),
         "baseline": baseline,
         "problems": _problems(frames),

@@ -1,8 +1,6 @@
 // The numbers of the page that depend on its filters. Each equals what Python computes from the same part of a run:
 // accuracy.py for means, profiles.py for profiles.
 
-const ROOM = 1.1; // ratio of the last corner of a profile to the largest value
-
 // The rows of a table that is stored in columns.
 function records(columns) {
   const names = Object.keys(columns);
@@ -139,13 +137,13 @@ function performanceProfile(view) {
   const compared = { ...view, solvers: withThreads(view) };
   const best = view.problems.map((problem) => bestTime(view, problem));
   const ratios = times(compared).map((own) => own.map((time, k) => time / best[k]));
-  return steps(compared, ratios, "ratio", 1, ROOM * most([1, ...ratios.flat()]));
+  return steps(compared, ratios, "ratio", 1, view.run.padding * most([1, ...ratios.flat()]));
 }
 
 function dataProfile(view) {
   const seconds = times(view);
   const first = least(seconds.flat());
-  const last = most([view.run.budgets.at(-1), ...seconds.flat().map((time) => ROOM * time)]);
+  const last = most([view.run.budgets.at(-1), ...seconds.flat().map((time) => view.run.padding * time)]);
   return steps(view, seconds, "seconds", Number.isNaN(first) ? view.run.budgets[0] : first, last);
 }
 

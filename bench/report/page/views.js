@@ -117,7 +117,7 @@ function costRows(run, problem, solvers) {
     .map((point) => ({
       solver: solver.name,
       tolerance: point.tolerance,
-      residual: Math.max(point.residual, 1e-16),
+      residual: Math.max(point.residual, run.min_residual),
       milliseconds: 1e3 * point.seconds, low: 1e3 * point.low, high: 1e3 * point.high,
       iterations: point.iterations, outcome: point.outcome,
     })));
@@ -126,8 +126,9 @@ function costRows(run, problem, solvers) {
 function curveRows(run, problem, solvers) {
   return solvers.flatMap((solver) => {
     const { iteration, residual } = run.find(problem, solver)?.curve ?? { iteration: [], residual: [] };
-    return iteration.map((number, k) => ({ solver: solver.name, iteration: number, residual: Math.max(residual[k], 1e-16) }))
-      .filter((row) => row.residual <= 1e3); // diverging curves are cut, so that others are not flat
+    return iteration
+      .map((number, k) => ({ solver: solver.name, iteration: number, residual: Math.max(residual[k], run.min_residual) }))
+      .filter((row) => row.residual <= run.max_residual); // diverging curves are cut, so that others are not flat
   });
 }
 
