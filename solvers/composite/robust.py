@@ -44,8 +44,8 @@ from ..newton.steps import LINE_SEARCH, NewtonRunner
 from ..prox.accelerated_sorprox import AndersonSORprox
 from .interior_newton import run_sequence
 from .sequence import SolverSequence
-from .small.prepared import prepare_small
-from .sweep_selection import can_accelerate, select_sweeps, sweeps_between_checks
+from .small.prepared import SMALL_KERNELS, prepare_small
+from .sweep_selection import MAX_SMALL_ROWS, can_accelerate, select_sweeps, sweeps_between_checks
 from .windows import Window, longest_window, window_lengths
 
 ACCELERATED, ACCELERATED_SHARE = AndersonSORprox(), 10
@@ -67,8 +67,14 @@ class Robust(Method):
     """
 
     def prepare(self, problem: ContactProblem) -> Prepared:
-        """Prepare the sweeps; other parts are prepared when they first run."""
-        return prepare_small(problem, prepare_by_parts) or prepare_by_parts(problem)
+        """Prepare the sweeps; other parts are prepared when they first run.
+
+        On few rows, one kernel runs all sweeps and gives the same results, once it is worth loading (see
+        ``DeferredKernels``). It does not support all laws, and leaves hard solves to the parts.
+        """
+        if 0 < len(problem.free_velocity) <= MAX_SMALL_ROWS and SMALL_KERNELS.should_use():
+            return prepare_small(problem, prepare_by_parts) or prepare_by_parts(problem)
+        return prepare_by_parts(problem)
 
 
 def prepare_by_parts(problem: ContactProblem) -> "PreparedRobust":

@@ -17,7 +17,7 @@ from ....problems.contact.matrices.pieces import Pieces
 from ....problems.contact.problem import ContactProblem
 from ....problems.contact.solver import Observer, Prepared, Solution, Status, Stop, check_stop
 from ...iteration.stopping import MIN_PLATEAU_SWEEPS
-from ..sweep_selection import MAX_SMALL_ROWS, SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS
+from ..sweep_selection import SAFEGUARDED_SWEEPS, UNCOUPLED_SWEEPS
 from .preparation import (
     COUPLED,
     UNSUITABLE,
@@ -40,7 +40,7 @@ COUPLED_MESSAGE, UNCOUPLED_MESSAGE = (
 )
 """Messages of solutions for coupled and for uncoupled contacts, as ``Robust`` reports them."""
 
-_KERNELS = DeferredKernels(
+SMALL_KERNELS = DeferredKernels(
     (
         prepare_over_matrix,
         prepare_over_columns,
@@ -107,16 +107,12 @@ class PreparedSmall:
 def prepare_small(
     problem: ContactProblem, prepare_general: Callable[[ContactProblem], Prepared]
 ) -> PreparedSmall | None:
-    """Return the prepared sweeps of a small problem, or None.
+    """Return the prepared sweeps of a problem of at least one row, or None.
 
-    None means that the problem is too large, has other laws or requires other sweeps, or that the kernels have not been
-    loaded yet. For ``prepare_general``, see ``PreparedSmall``.
+    None means that the problem has other laws or requires other sweeps. For ``prepare_general``, see ``PreparedSmall``.
     """
-    free_velocity = problem.free_velocity
-    if not 0 < len(free_velocity) <= MAX_SMALL_ROWS or not _KERNELS.should_use():
-        return None
     laws = problem.laws
-    arguments = laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound, free_velocity
+    arguments = laws.kind, laws.partner, laws.friction_coefficient, laws.fixed_bound, problem.free_velocity
     kernel, *matrix = _kernel_and_matrix(problem)
     coupling, scale, store = kernel(*arguments, *matrix)
     if coupling == UNSUITABLE:

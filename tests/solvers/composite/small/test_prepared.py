@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from proxbench.problems import ContactProblem, Laws, load
 from proxbench.solvers import Status, Stop, create
-from proxbench.solvers.composite.robust import prepare_by_parts
+from proxbench.solvers.composite.robust import PreparedRobust, prepare_by_parts
 from proxbench.solvers.composite.small.prepared import PreparedSmall, longest_seconds, prepare_small
 from small_problems import FORMS, SWEPT, random_problem, slow_problem
 
@@ -109,12 +109,19 @@ ROD, SINGULAR = np.array([[2.0, 1.0], [1.0, 2.0]]), np.diag([0.0, 1.0])
         ContactProblem.from_delassus(SINGULAR, [-1.0, 0.0], 0.3, dim=2),
         ContactProblem.from_delassus(ROD, [-1.0, 1.0], laws=Laws.joints(2)),
         load("hard-mixed-laws"),
-        load("funnel-100"),
     ],
-    ids=["at rest", "tiny velocities", "infeasible", "joints", "mixed laws", "many rows"],
+    ids=["at rest", "tiny velocities", "infeasible", "joints", "mixed laws"],
 )
 def test_problems_that_the_kernel_does_not_support_use_the_separate_parts(problem: ContactProblem) -> None:
     assert prepare_small(problem, prepare_by_parts) is None
+    assert isinstance(ROBUST.prepare(problem), PreparedRobust)
+
+
+@pytest.mark.parametrize(
+    "problem", [load("funnel-100"), ContactProblem.from_delassus(np.zeros((0, 0)), [], [])], ids=["many", "none"]
+)
+def test_problems_of_many_rows_or_none_use_the_separate_parts(problem: ContactProblem) -> None:
+    assert isinstance(ROBUST.prepare(problem), PreparedRobust)
 
 
 class PartsError(Exception):
