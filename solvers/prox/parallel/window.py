@@ -36,12 +36,13 @@ MAX_CHECKS = 20
 @njit(cache=True, nogil=True)
 def run_windows(thread, threads, calls, states, *arguments):  # type: ignore[no-untyped-def]
     """Do the part of the calling thread (number 0) in one window, or of another thread in each window; see ``Team``."""
-    if thread == 0:
-        return _run_window(thread, threads, *arguments)
-    while joins_call(calls, states, thread):
-        _run_window(thread, threads, *arguments)
+    result = 0.0, 0, 0
+    while thread == 0 or joins_call(calls, states, thread):
+        result = _run_window(thread, threads, *arguments)
+        if thread == 0:
+            break
         leave_call(states, thread)
-    return 0.0, 0, 0
+    return result
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"}, error_model="numpy")
@@ -76,7 +77,7 @@ def _run_window(  # type: ignore[no-untyped-def]
     momentum, delay, beta = momenta[0], momenta[1], momenta[2]
     squares, residuals, copies = checks[3], checks[4], checks[5]
     n_sweep_tasks, n_slabs, n_required = slabs[0][-1], turns.shape[1], 0
-    check, best, best_residual = 0, 0, np.inf
+    check, best, best_residual, completed = 0, 0, np.inf, 0
     while True:
         for sweep in range(sweeps, sweeps + counts[check]):
             state = beta, turns[sweep % 2], claims, n_completed, n_required
@@ -90,7 +91,8 @@ def _run_window(  # type: ignore[no-untyped-def]
         sweeps += counts[check]
         is_last = check + 1 == n_checks
         results = checks[0], squares[check], copies[1 - best], not is_last
-        completed = _write_violations(thread, threads, passes, slabs, balls, arrays, *results, claims)
+        if balls is not None:
+            completed = _write_violations(thread, threads, passes, slabs, balls, arrays, *results, claims)
         add(n_completed, 0, completed)
         passes, n_required = passes + 1, n_required + n_slabs
         wait_for(n_completed, 0, n_required)
@@ -100,7 +102,8 @@ def _run_window(  # type: ignore[no-untyped-def]
             residuals[check] = residual
         check += 1
         if is_last or not limits[0] < residual < limits[1]:
-            completed = _write_rows(thread, threads, passes, slabs, balls, arrays, checks, claims)
+            if balls is not None:
+                completed = _write_rows(thread, threads, passes, slabs, balls, arrays, checks, claims)
             break
         if residual < best_residual:
             best_residual, best = residual, 1 - best
@@ -184,7 +187,7 @@ def _write_violations(  # type: ignore[no-untyped-def]
         share = (thread + k) % threads
         for position in range(n_slabs * share // threads, n_slabs * (share + 1) // threads):
             slab = _claim(position, stages, passes, claims)
-            if slab >= 0 and balls is not None:
+            if slab >= 0:
                 largest[:] = 0.0
                 for batch in range(first_batch[slab], first_batch[slab + 1]):
                     raise_to_violations(balls, batch, scaled_velocity, impulses, weights, moves, scratch, largest)
@@ -205,7 +208,7 @@ def _write_rows(thread, threads, passes, slabs, balls, arrays, checks, claims): 
     for k in range(threads):
         share = (thread + k) % threads
         for position in range(n_slabs * share // threads, n_slabs * (share + 1) // threads):
-            if _claim(position, stages, passes, claims) >= 0 and balls is not None:
+            if _claim(position, stages, passes, claims) >= 0:
                 begin, end = n_contacts * position // n_slabs, n_contacts * (position + 1) // n_slabs
                 write_rows(balls.normals, balls.friction, slots, arrays[0], begin, end, rows)
                 completed += 1
