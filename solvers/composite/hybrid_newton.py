@@ -69,6 +69,7 @@ class HybridNewton(Method):
 
     def prepare(self, problem: ContactProblem) -> "PreparedHybrid":
         """Assemble G and compute the initial step sizes of the sweeps."""
+        self.check_supports(problem)
         residual = Residual(problem)
         sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
         return PreparedHybrid(problem, residual, sweep, Equations(problem, residual))

@@ -60,9 +60,9 @@ def unsupported_laws(problem: ContactProblem, kinds: frozenset[int] = SLIDING) -
     if problem.laws.kinds <= kinds:
         return None
     kind = LawKind(min(problem.laws.kinds - kinds))
-    law = "rolling friction" if kind in ROLLING else kind.description
-    law = "joints (bilateral laws)" if kind == LawKind.BILATERAL else law
-    support = "supports only contacts with sliding friction" if kinds == SLIDING else "does not support it"
+    law = "joints (bilateral laws)" if kind == LawKind.BILATERAL else kind.description
+    law, is_known = "rolling friction" if kind in ROLLING else law, kind in Method.law_kinds
+    support = "supports only contacts with sliding friction" if is_known and kinds == SLIDING else "does not support it"
     return f"it has {law}, and this method {support}"
 
 

@@ -52,6 +52,7 @@ class ProximalPoint(Method):
 
     def prepare(self, problem: ContactProblem) -> "PreparedProximalPoint":
         """Assemble G."""
+        self.check_supports(problem)
         residual = Residual(problem)
         return PreparedProximalPoint(problem, residual, Equations(problem, residual))
 

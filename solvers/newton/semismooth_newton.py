@@ -33,6 +33,7 @@ class SemismoothNewton(Method):
 
     def prepare(self, problem: ContactProblem) -> "PreparedNewton":
         """Assemble G."""
+        self.check_supports(problem)
         residual = Residual(problem)
         return PreparedNewton(problem, residual, Equations(problem, residual))
 

@@ -30,6 +30,7 @@ class _AcceleratedSORprox(Method, ABC):
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G and the step sizes for ω = 1."""
+        self.check_supports(problem)
         step_sizes = diagonal_step_sizes(problem, 1.0)
         sweep, weights = DelassusSweep.over(problem, step_sizes), lane_weights(problem.layout, step_sizes)
 

@@ -36,6 +36,7 @@ class JORprox(Method):
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G and the step sizes."""
+        self.check_supports(problem)
         step_sizes = compute_step_sizes(problem, self.step_size, self.relaxation, row_sums_of_blocks)
         sweep = DelassusSweep.over(problem, step_sizes)
         return PreparedIteration(problem, Residual(problem), partial(JacobiIterates, sweep))

@@ -37,6 +37,7 @@ class NSGS(Method):
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G."""
+        self.check_supports(problem)
         sweep = BlockSweep.over(problem, self.relaxation)
         return PreparedIteration(
             problem, Residual(problem), lambda start: SafeguardedIterates(BlockIterates(sweep, start))

@@ -29,6 +29,7 @@ class SafeguardedSORprox(Method):
 
     def prepare(self, problem: ContactProblem) -> PreparedIteration:
         """Assemble G and the initial step sizes."""
+        self.check_supports(problem)
         sweep = DelassusSweep.over(problem, diagonal_step_sizes(problem, self.relaxation))
         return PreparedIteration(
             problem, Residual(problem), lambda start: SafeguardedIterates(DelassusIterates(sweep, start))

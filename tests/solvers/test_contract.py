@@ -133,7 +133,12 @@ def test_a_law_of_a_kind_that_it_does_not_state_is_declined(name: str, monkeypat
     problem = sample_for(name)
     laws = problem.laws.fresh()
     laws.__dict__["kinds"] = problem.laws.kinds | {int(new)}
-    assert "it has elliptic friction" in str(create(name).supports(replace(problem, laws=laws)))
+    problem = replace(problem, laws=laws)
+    reason = "it has elliptic friction, and this method does not support it"
+    assert reason in str(create(name).supports(problem))
+    if name != "Robust":  # it reads the kinds from the array of laws
+        with pytest.raises(SolverError, match=reason):
+            create(name).prepare(problem)
 
 
 @pytest.mark.parametrize("name", variants(1, ITERATIVE))

@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 
 from ....problems.arrays import FloatArray, IntArray
 from ....problems.contact.blocks import write_layout
-from ....problems.contact.laws import ROWS_OF_KIND, SET_OF_KIND, LawKind
-
-_FIRST_ROLLING = int(LawKind.PLANAR_ROLLING)
+from ....problems.contact.laws import ROLLS_OF_KIND, ROWS_OF_KIND, SET_OF_KIND
 
 
 class ContactLaws(NamedTuple):
@@ -58,7 +56,7 @@ def lay_out_contacts(kind, partner_law, mu, bounds):  # type: ignore[no-untyped-
     is_rolling, first_row = np.empty(n_laws, dtype=np.bool_), np.empty(n_laws, dtype=np.int64)
     for law in range(n_laws):
         sets[law], row_count[law], first_row[law] = SET_OF_KIND[kind[law]], ROWS_OF_KIND[kind[law]], n_rows
-        is_rolling[law] = kind[law] >= _FIRST_ROLLING
+        is_rolling[law] = ROLLS_OF_KIND[kind[law]]
         n_rows += row_count[law]
     slot, indices, block_bounds = (
         np.empty(n_rows, dtype=np.int64),

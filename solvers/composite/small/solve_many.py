@@ -82,12 +82,19 @@ def solve_many(
         for index, solution, residual in batch.solve(stop, threads):
             by_sweeps[index], residuals[index] = solution, residual
     solutions = [
-        solver.prepare(problem).solve(stop) if solution is None else solution
+        _solve_one(solver, problem, stop) if solution is None else solution
         for solution, problem in zip(by_sweeps, loaded, strict=True)
     ]
     for index in np.flatnonzero(~np.isfinite(residuals)).tolist():
         residuals[index] = judge(loaded[index], solutions[index].impulses).residual
     return SolvedProblems(solutions, residuals)
+
+
+def _solve_one(solver: Robust, problem: ContactProblem, stop: Stop) -> Solution:
+    reason = solver.supports(problem)
+    if reason is not None:
+        return Solution(np.zeros(problem.n_rows), Status.UNSUPPORTED, 0, reason)
+    return solver.prepare(problem).solve(stop)
 
 
 def _check_problem(index: int, problem: object) -> None:
