@@ -137,12 +137,12 @@ class Laws(ReadOnlyRecord):
             values = getattr(self, name)
             _require(np.isfinite(values) & (values >= 0), name, values, "finite and not negative")
             _require((values == 0) | self.is_friction, name, values, "0 for a law without friction")
-        in_range = (self.partner >= -1) & (self.partner < len(self.kind))
-        _require(in_range, "partner", self.partner, "the index of a law, or -1")
-        _require((self.partner == -1) | self.is_friction, "partner", self.partner, "-1 for a law without friction")
+        partner = self.partner
+        _require((partner >= -1) & (partner < len(rows)), "partner", partner, "the index of a law, or -1")
+        _require((partner == -1) | self.is_friction, "partner", partner, "-1 for a law without friction")
         is_unilateral = np.append(self.kind == _UNILATERAL, True)  # partner −1 selects the last entry
-        _require(is_unilateral[self.partner], "partner", self.partner, "the index of a unilateral law")
-        has_partner = (self.partner >= 0) | (self.friction_coefficient == 0)
+        _require(is_unilateral[partner], "partner", partner, "the index of a unilateral law")
+        has_partner = (partner >= 0) | (self.friction_coefficient == 0)
         _require(has_partner, "friction_coefficient", self.friction_coefficient, "0 for a law without a partner")
         if self.is_rolling.any():
             self._check_rolling()
@@ -261,8 +261,7 @@ class Laws(ReadOnlyRecord):
         laws = self._with_arrays(lambda array: array[:n_laws])
         for name in ("sets", "row_count", "is_friction", "is_rolling", "is_unilateral", "is_bilateral"):
             laws.__dict__[name] = getattr(self, name)[:n_laws]
-        laws.__dict__["kinds"] = self.kinds if n_laws else frozenset()
-        object.__setattr__(laws, "equal_laws", self)
+        laws.__dict__.update(equal_laws=self, kinds=self.kinds if n_laws else frozenset())
         return laws
 
     def _with_arrays(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Laws":
@@ -312,7 +311,8 @@ class Laws(ReadOnlyRecord):
         """Return ``n_rows`` bilateral laws, one for each row of the joints."""
         check_count("n_rows", n_rows)
         require_memory(BYTES_PER_LAW * n_rows, f"the laws of {n_rows:,} rows of joints", "make fewer joints")
-        return Laws.in_order(np.full(n_rows, LawKind.BILATERAL), *np.zeros((2, n_rows)), np.full(n_rows, -1))
+        zeros = np.zeros(n_rows)
+        return Laws.in_order(np.full(n_rows, LawKind.BILATERAL), zeros, zeros, np.full(n_rows, -1))
 
     @staticmethod
     def concatenate(parts: Iterable["Laws"]) -> "Laws":
