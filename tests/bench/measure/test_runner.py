@@ -8,13 +8,17 @@ import sys
 import time
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from misbehaving_solvers import Misbehaving
 from proxbench.bench import load, resume, run
+from proxbench.bench.errors import BenchError
+from proxbench.bench.measure import runner
 from proxbench.bench.measure.contacts.case_process import Measurement
 from proxbench.bench.measure.execution.events import CaseFinished, RunStarted
+from proxbench.bench.measure.machine import this_machine
 from proxbench.bench.store.outcome import Outcome
 from proxbench.bench.store.plans import PASSES, Limits
 from proxbench.bench.store.store import Store
@@ -99,6 +103,13 @@ def test_run_json_describes_the_machine_and_the_core_of_its_session(finished_run
     assert session.core in os.sched_getaffinity(0)
     assert session.machine == info.machine
     assert session.started <= session.finished
+
+
+def test_a_run_that_another_processor_began_is_not_resumed(finished_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    machine = msgspec.structs.replace(this_machine(), processor="another")
+    monkeypatch.setattr(runner, "this_machine", lambda: machine)
+    with pytest.raises(BenchError, match=r"started with another machine or source \(processor .*, now another"):
+        resume(finished_run)
 
 
 @pytest.mark.slow
