@@ -68,7 +68,7 @@ class WindowedIterates(SinglePassIterates):
 class Window(NamedTuple):
     """The residuals of a window, and a function that returns Λ over rows with the lowest residual before the last one.
 
-    If there is only one residual, no sweep has changed this Λ.
+    If there is only one residual, the function has no meaning.
     """
 
     residuals: FloatArray
